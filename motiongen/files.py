@@ -1,0 +1,134 @@
+"""Motion files of our own: one `.npz` of plain arrays, no pickle; and the writing habit that every stage shares."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib.npyio import NpzFile
+
+from motiongen.motion import Label, Motion, Skeleton, Source
+
+VERSION = 1
+
+
+class FileError(ValueError):
+    """A file that is not what it should be; the message names the file and what is wrong."""
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Give a temporary path in the same folder, with the same suffix; it becomes `path` when the block ends well.
+
+    Where the block raises, `path` stays as it was and nothing is left behind. Raises OSError where the folder is not
+    there or not writable.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(path.parent))
+    temporary = path.with_name(f".{path.stem}-{os.getpid()}{path.suffix}")
+    try:
+        yield temporary
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_npz(path: str | Path, kind: str, arrays: Mapping[str, Any]) -> None:
+    """Write `arrays` with `kind` and the format's version to an `.npz`. The same content gives the same bytes.
+
+    Raises OSError where `path` cannot be written.
+    """
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, kind=kind, version=VERSION, **arrays)
+
+
+def read_npz(path: str | Path) -> tuple[str, dict[str, Any]]:
+    """Read an `.npz` of ours: its kind and its arrays by name.
+
+    Raises FileError where it is no `.npz`, damaged, foreign or of another version; OSError where it cannot be opened.
+    """
+    with Path(path).open("rb") as file:
+        try:
+            archive = np.load(file, allow_pickle=False)
+            arrays = {name: archive[name] for name in archive.files} if isinstance(archive, NpzFile) else None
+        except Exception:  # numpy and zipfile raise anything, SyntaxError included, on a damaged header
+            raise FileError(f"{path}: not an .npz file, or damaged") from None
+    if arrays is None:
+        raise FileError(f"{path}: a bare .npy array, expected an .npz file written by rigcast")
+    kind, version = arrays.pop("kind", None), arrays.pop("version", None)
+    if kind is None or version is None or kind.shape or version.shape or version.dtype.kind not in "iu":
+        raise FileError(f"{path}: not written by rigcast (no kind and version in it: {', '.join(arrays) or 'empty'})")
+    if int(version) != VERSION:
+        raise FileError(f"{path}: format version {int(version)}, this rigcast reads version {VERSION}")
+    return str(kind), arrays
+
+
+def read_kind(path: str | Path, kind: str) -> dict[str, Any]:
+    """Arrays of an `.npz` of ours that must be of `kind`; raises as `read_npz` does."""
+    found, arrays = read_npz(path)
+    if found != kind:
+        raise FileError(f"{path}: holds a {found}, expected a {kind}")
+    return arrays
+
+
+def notes_to_json(labels: tuple[Label, ...], source: Source) -> str:
+    """Labels and source as one line of JSON, the form in which both kinds of file carry them."""
+    return json.dumps({"labels": [asdict(label) for label in labels], "source": asdict(source)}, sort_keys=True)
+
+
+def notes_from_json(text: str) -> tuple[tuple[Label, ...], Source]:
+    """Undo `notes_to_json`. Raises ValueError, KeyError or TypeError where `text` is something else."""
+    notes = json.loads(text)
+    labels = tuple(Label(n["start_s"], n["end_s"], n["text"], tuple(n["parts"])) for n in notes["labels"])
+    return labels, Source(**notes["source"])
+
+
+def save_motion(motion: Motion, path: str | Path) -> None:
+    """Write `motion` without loss. Raises OSError where `path` cannot be written."""
+    skeleton = motion.skeleton
+    arrays = {
+        "root_pos": motion.root_pos,
+        "joint_quat": motion.joint_quat,
+        "fps": float(motion.fps),
+        "names": np.array(skeleton.names),
+        "parents": np.array(skeleton.parents),
+        "offsets": skeleton.offsets,
+        "foot_height": np.array(skeleton.foot_height),
+        "notes": notes_to_json(motion.labels, motion.source),
+    }
+    if motion.contacts is not None:
+        arrays["contacts"] = motion.contacts
+    write_npz(path, "motion", arrays)
+
+
+def load_motion(path: str | Path) -> Motion:
+    """Read what `save_motion` wrote.
+
+    Raises FileError where the file is damaged, foreign, of another kind or version, or holds NaN, no frames or a frame
+    rate that is not above 0; OSError where it cannot be opened.
+    """
+    return motion_from_arrays(read_kind(path, "motion"), path)
+
+
+def motion_from_arrays(arrays: Mapping[str, Any], path: str | Path) -> Motion:
+    """The motion in the `arrays` of a file of kind "motion"; `path` is for the message. Raises FileError."""
+    try:
+        labels, source = notes_from_json(str(arrays["notes"]))
+        ankle, toe = (float(h) for h in arrays["foot_height"])
+        names, parents = tuple(map(str, arrays["names"])), tuple(map(int, arrays["parents"]))
+        skeleton = Skeleton(names, parents, arrays["offsets"], (ankle, toe))
+        contacts = arrays["contacts"].astype(bool) if "contacts" in arrays else None
+        fps = float(arrays["fps"])
+        return Motion(arrays["root_pos"], arrays["joint_quat"], fps, skeleton, labels, source, contacts)
+    except KeyError as error:
+        raise FileError(f"{path}: damaged motion file ({error} is missing)") from None
+    except (ValueError, TypeError, AttributeError) as error:
+        raise FileError(f"{path}: {error}") from None

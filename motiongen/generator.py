@@ -1,0 +1,75 @@
+"""Text to `Motion`: the interface of a generator, and the one in the tree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from motiongen.motion import Motion
+
+MAX_TEXT = 1_000  # characters
+MIN_SECONDS, MAX_SECONDS = 1.0, 60.0
+
+
+class PromptError(ValueError):
+    """A prompt or a length that no generator takes; the message names the value and the good ones."""
+
+
+@dataclass(frozen=True)
+class Familiarity:
+    """How close a text is to what a generator was trained on.
+
+    `score`: cosine of the nearest training caption; `known`: whether that is enough; `nearest`: the nearest things
+    the generator can do, best first.
+    """
+
+    known: bool
+    score: float
+    nearest: tuple[str, ...]
+
+
+class Generator(Protocol):
+    """Anything that turns text into motion; every one of them passes the same gate."""
+
+    name: str
+    licence: str
+
+    def generate(
+        self, text: str, *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
+    ) -> Motion:
+        """Motion for `text`, the same for the same arguments. `seconds` None: as long as such motions are."""
+        ...
+
+    def familiarity(self, text: str) -> Familiarity:
+        """How close `text` is to the training captions."""
+        ...
+
+
+def check_prompt(text: str, seconds: float | None = None) -> str:
+    """`text` without outer space; raises PromptError where it is empty or too long, or `seconds` out of range."""
+    text = " ".join(text.split())
+    if not text:
+        raise PromptError("the text is empty; say what the rig should do, as in 'wave with the right hand'")
+    if len(text) > MAX_TEXT:
+        raise PromptError(f"the text has {len(text)} characters; at most {MAX_TEXT} are taken")
+    if seconds is not None and not MIN_SECONDS <= seconds <= MAX_SECONDS:
+        raise PromptError(f"{seconds} seconds; between {MIN_SECONDS:g} and {MAX_SECONDS:g} are possible")
+    return text
+
+
+def list_generators() -> dict[str, str]:
+    """Generators by name, and a line on each."""
+    return {"mdm": "text to motion by diffusion (MDM, decoder form), trained on Bandai-Namco motion capture"}
+
+
+def load_generator(name: str = "mdm") -> Generator:
+    """The generator `name`, its weights loaded.
+
+    Raises PromptError for a name not known, ModuleNotFoundError where the extra `generate` is missing, WeightsError
+    where the weights are missing or broken.
+    """
+    if name not in list_generators():
+        raise PromptError(f"no generator {name!r}; there are {', '.join(list_generators())}")
+    from motiongen.mdm_generator import MdmGenerator
+
+    return MdmGenerator()

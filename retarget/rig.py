@@ -1,0 +1,286 @@
+"""A rig is data: `rig.toml` read into frozen types. Loading one needs neither mujoco nor torch."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import Literal
+
+from motiongen.motion import SMPL_JOINTS
+from retarget.table import RigError, Table, known, read_toml, unique
+
+Mount = Literal["free", "stand", "hung"]
+MOUNTS: tuple[Mount, ...] = ("free", "stand", "hung")
+BUILT_IN = Path(__file__).parent / "rigs"
+RIG_PATH = "RIGCAST_RIGS"  # environment variable: more folders of rigs
+PROTOCOLS = ("dynamixel1", "dynamixel2", "feetech", "lx16a", "maestro", "ssc32")
+
+# A motor at 70 % of its no-load speed has 30 % of its stall torque left for the load: motions are planned to stay there.
+PLANNED_SPEED = 0.7
+# Position servos give full torque at this error. 0.1 rad is stiff enough to hold a pose and soft enough for one frame's
+# step at planned speed (about 0.07 rad at 50 Hz) not to saturate.
+FULL_TORQUE_ERROR = 0.1
+# Damping acts as one control period of lag at 50 Hz: kv = kp · 20 ms.
+DAMPING_TIME = 0.02
+
+
+@dataclass(frozen=True)
+class ServoModel:
+    """A servo as its maker publishes it: N·m, rad/s and A at `voltage`."""
+
+    name: str
+    protocol: str
+    model_number: int
+    stall_torque: float
+    no_load_speed: float
+    stall_current: float
+    voltage: float
+    ticks_per_turn: int
+    datasheet: str
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One actuated joint. Limits in radians, `velocity` rad/s and `torque` N·m at most, `kp` N·m/rad, `kv` N·m·s/rad.
+
+    `no_load_speed` rad/s: the torque that is left falls to nothing there.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    velocity: float
+    torque: float
+    no_load_speed: float
+    kp: float
+    kv: float
+
+
+@dataclass(frozen=True)
+class Servo:
+    """Which servo on which bus turns a joint. Direction and zero belong to one unit, not to the rig."""
+
+    joint: str
+    bus: str
+    id: int
+    model: ServoModel
+
+
+@dataclass(frozen=True)
+class Bus:
+    """A servo bus: wire protocol and baud rate."""
+
+    name: str
+    protocol: str
+    baud: int
+
+
+@dataclass(frozen=True)
+class Follow:
+    """`body` (or site) of the rig follows `human` joint: `position` and `rotation` are weights of the IK task."""
+
+    body: str
+    human: str
+    position: float
+    rotation: float
+
+
+@dataclass(frozen=True)
+class Foot:
+    """A foot: `body`, and the heel and toe sites on its sole; `human` is the ankle it stands for."""
+
+    name: str
+    body: str
+    sites: tuple[str, ...]
+    human: str
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A named pose: root height in metres (sole on the floor), joint angles in radians by name; the rest are zero."""
+
+    height: float
+    joints: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What the rig can feel; `delay` in seconds from the world to the controller."""
+
+    encoders: bool
+    imu: bool
+    delay: float
+
+
+@dataclass(frozen=True)
+class Power:
+    """Supply: volts, and the amperes it can give."""
+
+    voltage: float
+    current: float
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A robot as data; see `docs/rigs.md` for the file.
+
+    `joints` are in MuJoCo's qpos order and so are all joint vectors of this project. `stand_clearance` in metres: how
+    high the soles hang above the floor on the stand.
+    """
+
+    name: str
+    folder: Path
+    model: Path
+    root: str
+    mount: Mount
+    stand_clearance: float
+    joints: tuple[Joint, ...]
+    follow: tuple[Follow, ...]
+    feet: tuple[Foot, ...]
+    nominal: Pose
+    safe: Pose
+    sensors: Sensors
+    power: Power | None
+    buses: tuple[Bus, ...]
+    servos: tuple[Servo, ...]
+
+    def joint_names(self) -> tuple[str, ...]:
+        """Names in qpos order."""
+        return tuple(j.name for j in self.joints)
+
+    def pose_vector(self, pose: Pose) -> list[float]:
+        """Joint angles (nj,) in radians of `pose`, in qpos order."""
+        return [pose.joints.get(j.name, 0.0) for j in self.joints]
+
+    @property
+    def hash(self) -> int:
+        """64 bits over joint names, order, units and limits; not over colours, servos or gains."""
+        text = "rad;" + ";".join(f"{j.name}:{j.lower:.6f}:{j.upper:.6f}:{j.velocity:.6f}" for j in self.joints)
+        return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "little")
+
+
+def list_rigs() -> tuple[str, ...]:
+    """Names of the rigs in the built-in folder and in the folders of RIGCAST_RIGS, sorted."""
+    return tuple(sorted({path.parent.name for folder in _rig_folders() for path in folder.glob("*/rig.toml")}))
+
+
+def load_rig(name_or_path: str | Path) -> Rig:
+    """Read a rig by its name, or by the path of its folder or of its `rig.toml`; see `docs/rigs.md` for the keys.
+
+    The folders of RIGCAST_RIGS come before the built-in one. Raises RigError in one line: no such rig, or what in the
+    file is wrong and what would be right.
+    """
+    file = _find(name_or_path)
+    try:
+        return read_toml(file).all(partial(_rig, file.parent))
+    except RigError as problem:
+        text = str(problem)
+        raise RigError(text if text.startswith(str(file)) else f"{file}: {text}") from None
+
+
+def _rig_folders() -> list[Path]:
+    return [Path(p) for p in os.environ.get(RIG_PATH, "").split(os.pathsep) if p] + [BUILT_IN]
+
+
+def _find(name_or_path: str | Path) -> Path:
+    if isinstance(name_or_path, str) and os.sep not in name_or_path and "/" not in name_or_path:
+        for folder in _rig_folders():
+            if (folder / name_or_path / "rig.toml").is_file():
+                return (folder / name_or_path / "rig.toml").resolve()
+    path = Path(name_or_path)
+    file = path / "rig.toml" if path.is_dir() else path
+    if not file.is_file() or file.name != "rig.toml":
+        raise RigError(f"no rig {str(name_or_path)!r}; known are {', '.join(list_rigs())}, or the path of a rig folder")
+    return file.resolve()
+
+
+@cache
+def servo_models() -> dict[str, ServoModel]:
+    """Every servo in `servos.toml` by name; speeds converted to rad/s."""
+    table = read_toml(Path(__file__).parent / "servos.toml")
+    return {name: table.table(name, partial(_servo_model, name)) for name in table.data}
+
+
+def _servo_model(name: str, t: Table) -> ServoModel:
+    return ServoModel(
+        name=name,
+        protocol=t.choice("protocol", PROTOCOLS),
+        model_number=t.integer("model_number", 0, 65535),
+        stall_torque=t.number("stall_torque", positive=True),
+        no_load_speed=t.number("no_load_rpm", positive=True) * 2 * math.pi / 60,
+        stall_current=t.number("stall_current", positive=True),
+        voltage=t.number("voltage", positive=True),
+        ticks_per_turn=t.integer("ticks_per_turn", 1, 1 << 20),
+        datasheet=t.text("datasheet"),
+    )
+
+
+def _rig(folder: Path, t: Table) -> Rig:
+    buses = t.tables("bus", lambda b: Bus(b.text("name"), b.choice("protocol", PROTOCOLS), b.integer("baud", 1, 10**8)))
+    driven = t.tables("servo", partial(_servo, [b.name for b in buses]))
+    plain = t.tables("joint", lambda j: _joint(j.text("name"), j, j.number("torque"), j.number("no_load_speed")))
+    joints = tuple(joint for joint, _ in driven) + plain
+    servos = tuple(servo for _, servo in driven)
+    if not joints or (driven and plain):
+        raise RigError("give every joint as [[servo]], or every joint as [[joint]]")
+    unique([j.name for j in joints], "joint")
+    unique([(s.bus, s.id) for s in servos], "servo id (bus, id)")
+    feet = t.tables("foot", _foot)
+    unique([f.name for f in feet], "foot")
+    return Rig(
+        name=folder.name,
+        folder=folder,
+        model=folder / t.text("model", "model.xml"),
+        root=t.text("root"),
+        mount=t.choice("mount", MOUNTS),
+        stand_clearance=t.number("stand_clearance", 0.05),
+        joints=joints,
+        follow=t.tables("follow", _follow),
+        feet=feet,
+        nominal=t.table("nominal", partial(_pose, joints)),
+        safe=t.table("safe", partial(_pose, joints)),
+        sensors=t.table("sensors", lambda s: Sensors(s.flag("encoders"), s.flag("imu"), s.number("delay"))),
+        power=t.table("power", lambda p: Power(p.number("voltage"), p.number("current")), None),
+        buses=buses,
+        servos=servos,
+    )
+
+
+def _joint(name: str, t: Table, torque: float, no_load_speed: float) -> Joint:
+    lower, upper = t.span("limits")
+    if torque <= 0 or no_load_speed <= 0:
+        raise RigError(f"{t.where}: torque {torque} and no_load_speed {no_load_speed} should be above 0")
+    kp = torque / FULL_TORQUE_ERROR
+    velocity = PLANNED_SPEED * no_load_speed
+    return Joint(name, lower, upper, velocity, torque, no_load_speed, kp=kp, kv=kp * DAMPING_TIME)
+
+
+def _servo(buses: Sequence[str], t: Table) -> tuple[Joint, Servo]:
+    model = servo_models()[t.choice("model", tuple(servo_models()))]
+    joint = _joint(t.text("joint"), t, model.stall_torque, model.no_load_speed)
+    return joint, Servo(joint.name, t.choice("bus", buses), t.integer("id", 0, 252), model)
+
+
+def _foot(t: Table) -> Foot:
+    return Foot(t.text("name"), t.text("body"), t.texts("sites"), t.choice("human", ("left_ankle", "right_ankle")))
+
+
+def _follow(t: Table) -> Follow:
+    return Follow(t.text("body"), t.choice("human", SMPL_JOINTS), t.number("position", 0.0), t.number("rotation", 0.0))
+
+
+def _pose(joints: Sequence[Joint], t: Table) -> Pose:
+    pose = Pose(t.number("height", positive=True), t.numbers("joints"))
+    by_name = {j.name: j for j in joints}
+    for name in pose.joints:
+        known(name, tuple(by_name), f"{t.where}: joint")
+    for name, joint in by_name.items():
+        angle = pose.joints.get(name, 0.0)
+        if not joint.lower <= angle <= joint.upper:
+            raise RigError(f"{t.where}: {name} = {angle} is outside its limits {joint.lower} to {joint.upper}")
+    return pose

@@ -1,0 +1,49 @@
+"""What physics found about a trajectory, in figures with units and sentences a person can act on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Controller = Literal["open_loop", "imu", "full_state"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One figure held against its threshold.
+
+    `value` and `limit` are in `unit`; `ok` says whether it held; `advice` is one sentence on what was found and what
+    to do. `applies` is False where the rig cannot have the fault (no floor contact on a stand): `value` is then 0.
+    `at_s`: where in time it was worst, or None.
+    """
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    ok: bool
+    advice: str
+    applies: bool = True
+    at_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Report:
+    """The verdict on the very frames that will be streamed.
+
+    `report_id`: 16 hex digits, a hash over the frames, the rig and the thresholds, so that a changed trajectory has
+    no valid report; streams carry it and anything that moves refuses frames without it. `controller`: what had to run
+    for the verdict to hold. `mount`: how the base was held while it was checked.
+    """
+
+    ok: bool
+    report_id: str
+    rig: str
+    mount: str
+    controller: Controller
+    duration_s: float
+    checks: tuple[Check, ...]
+
+    def failures(self) -> tuple[Check, ...]:
+        """The checks that did not hold."""
+        return tuple(c for c in self.checks if not c.ok)
