@@ -10,14 +10,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import torch
-from safetensors.torch import load_file
+from safetensors.numpy import load_file
 
 from motiongen import corpus as corpora
 from motiongen.bvh import BANDAI_NAMCO
 from motiongen.captions import CONTENTS, STYLES, kept_for_testing
 from motiongen.features import FPS
-from motiongen.mdm import Mdm, MdmConfig
 from motiongen.text import TextEncoder
 from motiongen.train import statistics
 from motiongen.weights import Bank, Weights, load_weights, save_weights
@@ -42,7 +40,7 @@ def make_bank(corpus: corpora.Corpus) -> Bank:
         captions += said
         which += [i] * len(said)
     encoder = TextEncoder()
-    vectors = torch.cat([encoder(captions[i : i + 128])[2] for i in range(0, len(captions), 128)])
+    vectors = np.concatenate([encoder(captions[i : i + 128])[2] for i in range(0, len(captions), 128)])
     lengths = np.diff(corpus.starts) / FPS
     seconds = tuple(
         float(np.clip(np.median(lengths[[c == name for c in corpus.contents]]), 2.0, 6.0).round(1)) for name in contents
@@ -54,9 +52,8 @@ def export(corpus: corpora.Corpus, run: Path, path: Path) -> Weights:
     """Write the averaged weights of the run's last checkpoint to `path` and read them back."""
     config = json.loads((run / "config.json").read_text())
     tensors = load_file(run / "checkpoint.safetensors")
-    model = Mdm(MdmConfig(**config["model"]))
-    model.load_state_dict({k.removeprefix("average."): v for k, v in tensors.items() if k.startswith("average.")})
-    mean, std = (torch.from_numpy(y) for y in statistics(corpus))
+    average = {k.removeprefix("average."): v for k, v in tensors.items() if k.startswith("average.")}
+    mean, std = statistics(corpus)
     training = {
         "data": "Bandai-Namco Research Motiondataset 1 and 2",
         "clips": str(int((~corpus.held_out).sum())),
@@ -64,9 +61,10 @@ def export(corpus: corpora.Corpus, run: Path, path: Path) -> Weights:
         "batch": str(config["batch"]),
         "seed": str(config["seed"]),
     }
-    offsets = torch.tensor(corpus.offsets, dtype=torch.float32)
-    bank = make_bank(corpus)
-    save_weights(Weights(model, mean, std, offsets, bank, BANDAI_NAMCO.licence, training, ""), path)
+    shape = config["model"]["patch"], config["model"]["heads"]
+    offsets = corpus.offsets.astype(np.float32)
+    licence = BANDAI_NAMCO.licence
+    save_weights(Weights(average, *shape, mean, std, offsets, make_bank(corpus), licence, training, ""), path)
     return load_weights(path)
 
 

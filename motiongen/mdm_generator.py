@@ -6,19 +6,21 @@ import math
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
 from motiongen.bvh import BANDAI_NAMCO
-from motiongen.diffusion import SAMPLERS, Denoiser, guided
+from motiongen.diffusion import SAMPLERS, Denoiser, guide
 from motiongen.features import FPS, HEIGHT, features_to_motion
 from motiongen.generator import Familiarity, check_prompt
+from motiongen.mdm_run import denoise
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
+from motiongen.nn import Floats
 from motiongen.text import TextEncoder
 from motiongen.weights import FOLDER, load_weights, nearest
 
 WINDOW = 180  # frames: the longest stretch the model was trained on
 OVERLAP = 36  # frames of the last window that the next one is made to go on from
+GUIDANCE = 2.5
 
 
 class MdmGenerator:
@@ -34,9 +36,8 @@ class MdmGenerator:
 
     def familiarity(self, text: str) -> Familiarity:
         """How close `text` is to the training captions; raises PromptError for a text that nobody could follow."""
-        _, _, sentence = self._encoder([check_prompt(text)])
         bank = self._weights.bank
-        best = nearest(bank, sentence[0])
+        best = nearest(bank, self._encoder([check_prompt(text)])[2][0])
         names = tuple(bank.contents[i].replace("-", " ") for _, i in best[:3])
         return Familiarity(best[0][0] >= bank.known, best[0][0], names)
 
@@ -46,80 +47,72 @@ class MdmGenerator:
         """Motion for `text`; see `Generator`. Raises PromptError, ValueError for a guidance that is not finite."""
         return self.generate_batch([text], seconds=seconds, seed=seed, guidance=guidance)[0]
 
-    @torch.inference_mode()
     def generate_batch(
         self, texts: list[str], *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
     ) -> list[Motion]:
         """One motion a text, drawn together; text i of a batch is drawn from seed + i."""
-        scale = 2.5 if guidance is None else guidance
+        scale = GUIDANCE if guidance is None else guidance
         if not math.isfinite(scale):
             raise ValueError(f"guidance must be a number, not {guidance}")
         texts = [check_prompt(t, seconds) for t in texts]
-        words, word_mask, sentence = self._encoder(texts)
-        counts = [round((seconds or self._usual_seconds(s)) * FPS) for s in sentence]
-        x = self._draw(words, word_mask, sentence, counts, [seed + i for i in range(len(texts))], scale)
+        said = self._encoder(texts)
+        bank = self._weights.bank
+        usual = (bank.seconds[nearest(bank, each)[0][1]] for each in said[2])
+        counts = [round((seconds or each) * FPS) for each in usual]
+        x = self._draw(said, np.array(counts), [seed + i for i in range(len(texts))], scale)
         return [self._motion(x[i, :n], texts[i], seed + i) for i, n in enumerate(counts)]
 
-    def _usual_seconds(self, sentence: Tensor) -> float:
-        bank = self._weights.bank
-        return bank.seconds[nearest(bank, sentence)[0][1]]
-
     def _draw(
-        self, words: Tensor, mask: Tensor, sentence: Tensor, counts: list[int], seeds: list[int], scale: float
-    ) -> Tensor:
+        self, said: tuple[Floats, NDArray[np.bool_], Floats], counts: NDArray[np.int_], seeds: list[int], scale: float
+    ) -> Floats:
         """Normalised features (B, T, 140): the first window, then windows that go on from the one before."""
-        patch, width = self._weights.model.config.patch, len(self._weights.mean)
-        total = patch * math.ceil(max(counts) / patch)
+        patch, width = self._weights.patch, len(self._weights.mean)
+        total = patch * math.ceil(counts.max() / patch)
         length = min(total, WINDOW)
-        count = 1 + math.ceil(max(0, total - length) / (length - OVERLAP))
-        random = [torch.Generator().manual_seed(s) for s in seeds]
-        done = torch.zeros(len(seeds), 0, width)
-        for window in range(count):
-            noise = torch.stack([torch.randn(length, width, generator=g) for g in random])
-            known = done[:, -OVERLAP:] if window else done
-            left = torch.tensor(counts) - (done.shape[1] - known.shape[1])
-            frames = torch.arange(length) < left[:, None].clamp(min=patch)
-            denoise = self._denoiser(words, mask, sentence, frames, known, scale)
-            done = torch.cat([done[:, : done.shape[1] - known.shape[1]], self._sample(denoise, noise, self._steps)], 1)
+        random = [np.random.default_rng(s) for s in seeds]
+        done = np.zeros((len(seeds), 0, width), np.float32)
+        while done.shape[1] < total:
+            known = done[:, -OVERLAP:]
+            start = done.shape[1] - known.shape[1]
+            noise = np.stack([g.standard_normal((length, width), np.float32) for g in random])
+            frames = np.arange(length) < np.maximum(counts[:, None] - start, patch)
+            x = self._sample(self._denoiser(said, frames, known, scale), noise, self._steps)
+            done = np.concatenate([done[:, :start], x], axis=1)
         return done[:, :total]
 
     def _denoiser(
-        self, words: Tensor, mask: Tensor, sentence: Tensor, frames: Tensor, known: Tensor, scale: float
+        self, said: tuple[Floats, NDArray[np.bool_], Floats], frames: NDArray[np.bool_], known: Floats, scale: float
     ) -> Denoiser:
         """Guided estimate of x_0 with the known first frames written over it at every pass (MDM, Sec. 3)."""
-        said = tuple(torch.cat([y, y]) for y in (frames, words, mask, sentence))
-
-        def conditional(x: Tensor, t: Tensor, keep: Tensor) -> Tensor:
-            return self._weights.model(x, t, *said, keep)
-
-        inner = guided(conditional, scale)
-
-        def denoise(x: Tensor, t: Tensor) -> Tensor:
-            x0 = inner(x, t)
-            return torch.cat([known, x0[:, known.shape[1] :]], dim=1)
-
-        return denoise
-
-    def _motion(self, x: Tensor, text: str, seed: int) -> Motion:
         w = self._weights
-        features = (x * w.std + w.mean).numpy().astype(float)
-        skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, w.offsets.numpy().astype(float), BANDAI_NAMCO.foot_height)
-        features = _smooth(features)
+        words, word_mask, sentence = (np.concatenate([y, y]) for y in said)
+        both = np.concatenate([frames, frames])
+        keep = np.arange(2 * len(frames)) < len(frames)
+
+        def guided(x: Floats, t: float) -> Floats:
+            x0 = denoise(w.tensors, w.patch, w.heads, np.concatenate([x, x]), t, both, words, word_mask, sentence, keep)
+            x0 = guide(x0[: len(x)], x0[len(x) :], scale)
+            return np.concatenate([known, x0[:, known.shape[1] :]], axis=1)
+
+        return guided
+
+    def _motion(self, x: Floats, text: str, seed: int) -> Motion:
+        w = self._weights
+        features = _smooth((x * w.std + w.mean).astype(float))
+        skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, w.offsets.astype(float), BANDAI_NAMCO.foot_height)
         source = Source(f"{self.name} {w.digest}", w.digest, seed, w.licence)
         label = Label(0.0, (len(features) - 1) / FPS, text)
-        motion = features_to_motion(features, skeleton, labels=(label,), source=source)
-        features[:, HEIGHT] -= _sunk(motion)
+        features[:, HEIGHT] -= _floats(features_to_motion(features, skeleton))
         return features_to_motion(features, skeleton, labels=(label,), source=source)
 
 
-def _smooth(features: np.ndarray) -> np.ndarray:
+def _smooth(features: NDArray[np.float64]) -> NDArray[np.float64]:
     """Binomial smoothing over five frames, which takes away what jitters faster than people can (over ~8 Hz)."""
-    kernel = np.array([1, 4, 6, 4, 1]) / 16
     padded = np.concatenate([features[:1]] * 2 + [features] + [features[-1:]] * 2)
-    return sum(k * padded[i : i + len(features)] for i, k in enumerate(kernel))
+    return np.sum([k / 16 * padded[i : i + len(features)] for i, k in enumerate((1, 4, 6, 4, 1))], axis=0)
 
 
-def _sunk(motion: Motion) -> float:
+def _floats(motion: Motion) -> float:
     """Metres by which the lower foot lies too high in most frames (the 20 % quantile: a runner flies in between)."""
     ankle, toe = motion.skeleton.foot_height
     names = motion.skeleton.names

@@ -1,4 +1,4 @@
-"""Frozen text encoder: all-MiniLM-L6-v2 in plain torch, from the package that carries its weights.
+"""Frozen text encoder: all-MiniLM-L6-v2 in numpy, from the package that carries its weights.
 
 The architecture is BERT's (post-norm, GELU, learned positions) with 6 layers of width 384 and 12 heads.
 """
@@ -9,18 +9,19 @@ import json
 from importlib.util import find_spec
 from pathlib import Path
 
-import torch
-import torch.nn.functional as F
-from safetensors.torch import load_file
+import numpy as np
+from numpy.typing import NDArray
+from safetensors.numpy import load_file
 from tokenizers import Tokenizer
-from torch import Tensor
+
+from motiongen.nn import Floats, attention, gelu, layer_norm, linear
 
 WIDTH = 384
 MAX_TOKENS = 32
 
 
 class TextEncoder:
-    """Text to one vector a token and one a sentence.
+    """Text to one vector a token and one a sentence. A text's tokens beyond the 32nd are not heard.
 
     Raises ModuleNotFoundError where the package with the weights is missing.
     """
@@ -35,43 +36,30 @@ class TextEncoder:
         self._tokenizer.enable_truncation(MAX_TOKENS)
         self._tokenizer.enable_padding()
 
-    @torch.inference_mode()
-    def __call__(self, texts: list[str]) -> tuple[Tensor, Tensor, Tensor]:
-        """Token vectors (B, N, 384), which of them are words (B, N) bool, and unit sentence vectors (B, 384)."""
+    def __call__(self, texts: list[str]) -> tuple[Floats, NDArray[np.bool_], Floats]:
+        """Token vectors (B, N, 384), which of them are words (B, N), and unit sentence vectors (B, 384)."""
         encoded = self._tokenizer.encode_batch(texts)
-        ids = torch.tensor([e.ids for e in encoded])
-        mask = torch.tensor([e.attention_mask for e in encoded]).bool()
-        x = self._embed(ids)
+        ids = np.array([e.ids for e in encoded])
+        mask = np.array([e.attention_mask for e in encoded], bool)
+        w = self._weights
+        x = w["embeddings.word_embeddings.weight"][ids] + w["embeddings.position_embeddings.weight"][: ids.shape[1]]
+        x = self._norm(x + w["embeddings.token_type_embeddings.weight"][0], "embeddings.LayerNorm")
         for layer in range(self._layers):
             x = self._block(x, mask, f"encoder.layer.{layer}.")
         x = x * mask[..., None]
-        mean = x.sum(1) / mask.sum(1, keepdim=True)
-        return x, mask, F.normalize(mean, dim=-1)
+        mean = x.sum(1) / mask.sum(1, keepdims=True, dtype=np.float32)
+        return x, mask, mean / np.linalg.norm(mean, axis=-1, keepdims=True)
 
-    def _embed(self, ids: Tensor) -> Tensor:
+    def _block(self, x: Floats, mask: NDArray[np.bool_], at: str) -> Floats:
         w = self._weights
-        x = w["embeddings.word_embeddings.weight"][ids]
-        x = x + w["embeddings.position_embeddings.weight"][: ids.shape[1]]
-        x = x + w["embeddings.token_type_embeddings.weight"][0]
-        return self._norm(x, "embeddings.LayerNorm")
-
-    def _block(self, x: Tensor, mask: Tensor, at: str) -> Tensor:
-        batch, length, width = x.shape
-        q, k, v = (
-            self._linear(x, f"{at}attention.self.{name}").view(batch, length, self._heads, -1).transpose(1, 2)
-            for name in ("query", "key", "value")
-        )
-        heard = F.scaled_dot_product_attention(q, k, v, attn_mask=mask[:, None, None])
-        heard = self._linear(heard.transpose(1, 2).reshape(batch, length, width), f"{at}attention.output.dense")
+        q, k, v = (linear(x, w, f"{at}attention.self.{name}") for name in ("query", "key", "value"))
+        heard = linear(attention(q, k, v, mask, self._heads), w, f"{at}attention.output.dense")
         x = self._norm(x + heard, f"{at}attention.output.LayerNorm")
-        thought = self._linear(F.gelu(self._linear(x, f"{at}intermediate.dense")), f"{at}output.dense")
+        thought = linear(gelu(linear(x, w, f"{at}intermediate.dense")), w, f"{at}output.dense")
         return self._norm(x + thought, f"{at}output.LayerNorm")
 
-    def _linear(self, x: Tensor, name: str) -> Tensor:
-        return F.linear(x, self._weights[f"{name}.weight"], self._weights[f"{name}.bias"])
-
-    def _norm(self, x: Tensor, name: str) -> Tensor:
-        return F.layer_norm(x, x.shape[-1:], self._weights[f"{name}.weight"], self._weights[f"{name}.bias"], self._eps)
+    def _norm(self, x: Floats, name: str) -> Floats:
+        return layer_norm(x, self._weights, name, self._eps)
 
 
 def _packaged() -> Path:

@@ -22,7 +22,7 @@ from torch import Tensor
 
 from motiongen import corpus as corpora
 from motiongen.captions import kept_for_testing, phrasings, swap_sides
-from motiongen.diffusion import add_noise
+from motiongen.diffusion import levels
 from motiongen.features import CONTACTS, TURNS
 from motiongen.losses import LossWeights, loss
 from motiongen.mdm import Mdm, MdmConfig
@@ -130,10 +130,11 @@ def _encode(captions: list[str], cache: Path) -> tuple[Tensor, Tensor, Tensor]:
         encoder = TextEncoder()
         parts = [encoder(captions[i : i + 256]) for i in track(range(0, len(captions), 256), "encoding captions")]
         longest = max(p[0].shape[1] for p in parts)
-        words = torch.cat([F.pad(p[0], (0, 0, 0, longest - p[0].shape[1])).half() for p in parts])
-        mask = torch.cat([F.pad(p[1], (0, longest - p[1].shape[1])) for p in parts])
+        words = torch.cat([F.pad(torch.from_numpy(p[0]), (0, 0, 0, longest - p[0].shape[1])).half() for p in parts])
+        mask = torch.cat([F.pad(torch.from_numpy(p[1]), (0, longest - p[1].shape[1])) for p in parts])
+        sentences = torch.cat([torch.from_numpy(p[2]) for p in parts])
         temporary = path.with_suffix(".tmp")
-        save_file({"words": words, "mask": mask, "sentences": torch.cat([p[2] for p in parts])}, temporary)
+        save_file({"words": words, "mask": mask, "sentences": sentences}, temporary)
         temporary.replace(path)
     tensors = load_file(path)
     return tensors["words"], tensors["mask"], tensors["sentences"]
@@ -163,8 +164,10 @@ def train(config: TrainConfig, corpus: corpora.Corpus, out: Path) -> None:
             group["lr"] = config.rate * _schedule(step, config)
         torch.manual_seed(config.seed * 1_000_003 + step)
         x, frames, words, word_mask, sentence = (y.to(device) for y in batches.draw(step))
-        t, keep = torch.rand(len(x), device=device), torch.rand(len(x), device=device) >= config.drop_text
-        guess = model(add_noise(x, t, torch.randn_like(x)), t, frames, words, word_mask, sentence, keep)
+        t, keep = torch.rand(len(x)), torch.rand(len(x), device=device) >= config.drop_text
+        alpha, sigma = (torch.from_numpy(y).to(x)[:, None, None] for y in levels(t.numpy()))
+        noisy = alpha * x + sigma * torch.randn_like(x)
+        guess = model(noisy, t.to(device), frames, words, word_mask, sentence, keep)
         terms = loss(guess, x, frames, mean, std, offsets, config.weights)
         if not torch.isfinite(terms["total"]):
             raise RuntimeError(f"the loss is {terms['total'].item()} at step {step}; the last checkpoint is good")

@@ -12,12 +12,11 @@ from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
 
-import torch
+import numpy as np
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
-from torch import Tensor
+from safetensors.numpy import save_file
 
-from motiongen.mdm import Mdm, MdmConfig
+from motiongen.nn import Floats, Tensors
 
 FOLDER = Path(__file__).parent / "weights"
 _FORMAT = "rigcast-mdm-1"
@@ -30,12 +29,12 @@ class WeightsError(ValueError):
 
 @dataclass(frozen=True)
 class Bank:
-    """What the model was trained on: `vectors` (N, 384) of captions, whose content is `contents[which[i]]`.
+    """What the model was trained on: unit `vectors` (N, 384) of captions; caption i shows `contents[which[i]]`.
 
     `seconds` holds the usual length of each content's clips; `known` is the cosine from which a text counts as known.
     """
 
-    vectors: Tensor
+    vectors: Floats
     which: tuple[int, ...]
     contents: tuple[str, ...]
     seconds: tuple[float, ...]
@@ -44,12 +43,17 @@ class Bank:
 
 @dataclass(frozen=True)
 class Weights:
-    """A trained model. `mean`, `std` (140,) of the features, `offsets` (22, 3) in metres; `digest` names the file."""
+    """A trained model: its tensors by name; `patch` and `heads` are what their shapes do not say.
 
-    model: Mdm
-    mean: Tensor
-    std: Tensor
-    offsets: Tensor
+    `mean`, `std` (140,) of the features, `offsets` (22, 3) in metres; `digest` names the file.
+    """
+
+    tensors: Tensors
+    patch: int
+    heads: int
+    mean: Floats
+    std: Floats
+    offsets: Floats
     bank: Bank
     licence: str
     training: dict[str, str]
@@ -58,14 +62,13 @@ class Weights:
 
 def save_weights(weights: Weights, path: Path) -> None:
     """Write a weights file in half precision (under a temporary name first)."""
-    tensors = {f"model.{k}": v.half().contiguous() for k, v in weights.model.state_dict().items()}
-    tensors |= {"mean": weights.mean, "std": weights.std, "offsets": weights.offsets.float()}
-    tensors["bank"] = weights.bank.vectors.half()
-    about = {k: v for k, v in asdict(weights.bank).items() if k != "vectors"}
+    tensors: dict[str, np.ndarray] = {f"model.{k}": v.astype(np.float16) for k, v in weights.tensors.items()}
+    tensors |= {"mean": weights.mean, "std": weights.std, "offsets": weights.offsets}
+    tensors["bank"] = weights.bank.vectors.astype(np.float16)
     metadata = {
         "format": _FORMAT,
-        "model": json.dumps(asdict(weights.model.config)),
-        "bank": json.dumps(about),
+        "model": json.dumps({"patch": weights.patch, "heads": weights.heads}),
+        "bank": json.dumps({k: v for k, v in asdict(weights.bank).items() if k != "vectors"}),
         "licence": weights.licence,
         "training": json.dumps(weights.training),
     }
@@ -80,28 +83,30 @@ def load_weights(path: Path) -> Weights:
     if not path.exists():
         raise WeightsError(f"{path}: no such weights file")
     try:
-        with safe_open(path, "pt") as file:
+        with safe_open(path, "np") as file:
             metadata = file.metadata() or {}
             if metadata.get("format") != _FORMAT:
                 raise WeightsError(f"{path}: not weights of this model ({_FORMAT})")
-            tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118 (not a dict)
-        model = Mdm(MdmConfig(**json.loads(metadata["model"])))
-        model.load_state_dict({k.removeprefix("model."): v for k, v in tensors.items() if k not in _EXTRAS})
-        bank = Bank(vectors=tensors["bank"], **json.loads(metadata["bank"]))
-        training = json.loads(metadata["training"])
-    except (SafetensorError, KeyError, TypeError, RuntimeError, json.JSONDecodeError) as error:
-        reason = str(error).splitlines()[0]
-        raise WeightsError(f"{path}: cut short or of another model ({reason})") from None
-    model.eval().requires_grad_(False)
-    digest = sha256(path.read_bytes()).hexdigest()[:16]
-    mean, std, offsets = (tensors[k] for k in ("mean", "std", "offsets"))
-    return Weights(model, mean, std, offsets, bank, metadata["licence"], training, digest)
+            tensors = {k: file.get_tensor(k).astype(np.float32) for k in file.keys()}  # noqa: SIM118 (not a dict)
+        mean, std, offsets, vectors = (tensors.pop(k) for k in _EXTRAS)
+        about, bank = json.loads(metadata["model"]), json.loads(metadata["bank"])
+        return Weights(
+            {k.removeprefix("model."): v for k, v in tensors.items()},
+            int(about["patch"]),
+            int(about["heads"]),
+            mean,
+            std,
+            offsets,
+            Bank(vectors, **bank),
+            metadata["licence"],
+            json.loads(metadata["training"]),
+            sha256(path.read_bytes()).hexdigest()[:16],
+        )
+    except (SafetensorError, KeyError, TypeError, json.JSONDecodeError) as error:
+        raise WeightsError(f"{path}: cut short or of another model ({str(error).splitlines()[0]})") from None
 
 
-@torch.inference_mode()
-def nearest(bank: Bank, sentence: Tensor) -> list[tuple[float, int]]:
+def nearest(bank: Bank, sentence: Floats) -> list[tuple[float, int]]:
     """Best cosine and index of every content for a unit sentence vector (384,), best first."""
-    cosine = bank.vectors @ sentence
-    which = torch.tensor(bank.which)
-    best = [(float(cosine[which == i].max()), i) for i in range(len(bank.contents))]
-    return sorted(best, reverse=True)
+    cosine, which = bank.vectors @ sentence, np.array(bank.which)
+    return sorted(((float(cosine[which == i].max()), i) for i in range(len(bank.contents))), reverse=True)

@@ -1,0 +1,49 @@
+"""The denoiser of `mdm.py`, run in numpy. Training checks it against the torch module to float32's own accuracy."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motiongen.nn import Floats, Tensors, attention, gelu, layer_norm, linear, silu, waves
+
+
+def denoise(
+    w: Tensors,
+    patch: int,
+    heads: int,
+    x: Floats,
+    t: float,
+    frames: NDArray[np.bool_],
+    words: Floats,
+    word_mask: NDArray[np.bool_],
+    sentence: Floats,
+    keep: NDArray[np.bool_],
+) -> Floats:
+    """Estimate of x_0 (B, T, features); the arguments are those of `Mdm.forward`, with one `t` for the batch."""
+    batch, length, features = x.shape
+    tokens = linear(x.reshape(batch, length // patch, patch * features), w, "read")
+    width = tokens.shape[-1]
+    said = np.where(keep[:, None], linear(sentence, w, "sentence"), w["no_sentence"])
+    level = waves(np.full(1, t * 1000.0), width)
+    first = linear(silu(linear(level, w, "level.0")), w, "level.2") + said
+    stream = np.concatenate([first[:, None], tokens], axis=1) + waves(np.arange(tokens.shape[1] + 1), width)
+    heard = np.where(keep[:, None, None], linear(words, w, "word"), w["no_words"])
+    real = np.any(frames.reshape(batch, -1, patch), axis=2)
+    mask = np.concatenate([np.ones_like(real[:, :1]), real], axis=1)
+    block = 0
+    while (at := f"blocks.{block}.") + "norms.0.weight" in w:
+        y = layer_norm(stream, w, at + "norms.0")
+        stream = stream + _attend(w, at + "self_attention", y, y, mask, heads)
+        y = layer_norm(stream, w, at + "norms.1")
+        stream = stream + _attend(w, at + "cross_attention", y, heard, word_mask, heads)
+        y = gelu(linear(layer_norm(stream, w, at + "norms.2"), w, at + "feed_forward.0"))
+        stream = stream + linear(y, w, at + "feed_forward.3")
+        block += 1
+    return linear(layer_norm(stream[:, 1:], w, "norm"), w, "write").reshape(batch, length, features)
+
+
+def _attend(w: Tensors, at: str, x: Floats, source: Floats, mask: NDArray[np.bool_], heads: int) -> Floats:
+    q = linear(x, w, f"{at}.query")
+    k, v = linear(source, w, f"{at}.key"), linear(source, w, f"{at}.value")
+    return linear(attention(q, k, v, mask, heads), w, f"{at}.out")
