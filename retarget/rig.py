@@ -20,7 +20,7 @@ BUILT_IN = Path(__file__).parent / "rigs"
 RIG_PATH = "RIGCAST_RIGS"  # environment variable: more folders of rigs
 PROTOCOLS = ("dynamixel1", "dynamixel2", "feetech", "lx16a", "maestro", "ssc32")
 
-# A motor at 70 % of its no-load speed has 30 % of its stall torque left for the load: motions are planned to stay there.
+# At 70 % of its no-load speed a motor has 30 % of its stall torque left for the load: motions are planned below that.
 PLANNED_SPEED = 0.7
 # Position servos give full torque at this error. 0.1 rad is stiff enough to hold a pose and soft enough for one frame's
 # step at planned speed (about 0.07 rad at 50 Hz) not to saturate.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 Controller = Literal["open_loop", "imu", "full_state"]
 
@@ -47,3 +47,7 @@ class Report:
     def failures(self) -> tuple[Check, ...]:
         """The checks that did not hold."""
         return tuple(c for c in self.checks if not c.ok)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data, ready for JSON."""
+        return asdict(self)

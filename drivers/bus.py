@@ -1,0 +1,58 @@
+"""What every servo bus can do. `drive` needs no more than this, so another make of servo is one more file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class BusError(RuntimeError):
+    """A servo bus that failed; one line names the port, the servo and its joint."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Measured at one moment, all (n,) in the order of the bus's `joints`.
+
+    `position` rad in the joint's own direction and zero; `current` A, signed; `temperature` °C; `voltage` V.
+    """
+
+    position: Array
+    current: Array
+    temperature: Array
+    voltage: Array
+
+
+class ServoBus(Protocol):
+    """Servos on one wire, seen as joints. A context manager: leaving it, in whatever way, switches the torque off.
+
+    Every method raises BusError where a servo does not answer, reports a hardware error or the port is lost.
+    """
+
+    joints: tuple[str, ...]
+
+    def __enter__(self) -> ServoBus:
+        """Open the port and check that every servo is there and is the model that the rig names; nothing moves."""
+        ...
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Torque off, then close."""
+        ...
+
+    def read(self) -> Reading:
+        """Measure all servos."""
+        ...
+
+    def write(self, goal: Array) -> None:
+        """Goal angles (n,) in rad for all servos at once."""
+        ...
+
+    def torque(self, on: bool) -> None:
+        """Switch all servos on at the pose that they are in, so that none jumps, or off."""
+        ...

@@ -1,0 +1,76 @@
+"""Direction and zero of each servo of one *unit*: the same rig built twice has two calibrations.
+
+The file is `<config>/rigcast/calibration/<rig>.toml`, `<config>` being `$XDG_CONFIG_HOME` or `~/.config`:
+
+    [left_elbow]
+    direction = -1   # +1 or -1: which way the joint turns when the servo's ticks grow
+    zero = 2071      # ticks where the joint's angle is zero
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from drivers.bus import Array, BusError
+from retarget.rig import Rig
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Ticks of n servos against the angles of their joints; all arrays (n,). The default is the middle, forwards."""
+
+    direction: NDArray[np.int64]
+    zero: NDArray[np.int64]
+    ticks_per_turn: NDArray[np.int64]
+
+    def ticks(self, angle: ArrayLike) -> NDArray[np.int64]:
+        """Nearest ticks of joint angles (n,) in rad."""
+        turn = self.ticks_per_turn / (2 * math.pi)
+        return self.zero + self.direction * np.rint(np.asarray(angle) * turn).astype(np.int64)
+
+    def angle(self, ticks: ArrayLike) -> Array:
+        """Joint angles (n,) in rad of `ticks`."""
+        return (np.asarray(ticks) - self.zero) * self.direction * (2 * math.pi / self.ticks_per_turn)
+
+
+def calibration_path(rig: str) -> Path:
+    """Where this user keeps the calibration of `rig`."""
+    config = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    return Path(config) / "rigcast" / "calibration" / f"{rig}.toml"
+
+
+def load_calibration(rig: Rig, path: Path | None = None) -> Calibration:
+    """Calibration of the servos of `rig`, in their order; the default where there is no file or no entry.
+
+    Raises BusError naming the file and the entry that is wrong.
+    """
+    path = path or calibration_path(rig.name)
+    try:
+        given = tomllib.loads(path.read_text())
+    except FileNotFoundError:
+        given = {}
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BusError(f"{path}: {error}") from None
+    joints = [s.joint for s in rig.servos]
+    if unknown := sorted(set(given) - set(joints)):
+        raise BusError(f"{path}: no joint {unknown[0]!r} with a servo in rig {rig.name!r}; it has {', '.join(joints)}")
+    direction, zero = [], []
+    for servo in rig.servos:
+        entry = given.get(servo.joint, {})
+        if not isinstance(entry, dict) or set(entry) - {"direction", "zero"}:
+            raise BusError(f"{path}: [{servo.joint}] takes direction and zero, not {entry}")
+        direction.append(entry.get("direction", 1))
+        zero.append(entry.get("zero", servo.model.ticks_per_turn // 2))
+        if direction[-1] not in (1, -1):
+            raise BusError(f"{path}: [{servo.joint}] direction {direction[-1]!r}; it is 1 or -1")
+        if type(zero[-1]) is not int or not 0 <= zero[-1] < servo.model.ticks_per_turn:
+            raise BusError(f"{path}: [{servo.joint}] zero {zero[-1]!r}; it is in 0…{servo.model.ticks_per_turn - 1}")
+    turn = np.array([s.model.ticks_per_turn for s in rig.servos], np.int64)
+    return Calibration(np.array(direction, np.int64), np.array(zero, np.int64), turn)

@@ -1,0 +1,222 @@
+"""The loop that puts a stream on a servo bus, and every way it ends: with the torque off.
+
+Torque comes on with the first frame that may be followed, at the pose that the servos are in. Commands ease from there
+to the stream and then follow it; each is held to the rig's limits of position and speed. A silent stream is held, then
+ends in the rig's safe pose. A stop, a servo that does not follow, a lost port or a signal ends at once.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.bus import Array, BusError, Reading, ServoBus
+from drivers.clock import MonotonicClock, Ticker
+from drivers.follow import Limits, step, target_at
+from drivers.frame import Frame
+from drivers.messages import Mode, RigState
+from drivers.receiver import Receiver
+from drivers.signals import caught_signals
+from retarget.rig import Rig
+
+NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Of the loop: `rate_hz` cycles a second; `ease_velocity` rad/s at most while joining a stream or going safe.
+
+    A joint more than `following_error` rad from its command for `following_s` s trips. `settle_s` s are waited at the
+    safe pose before the torque goes off.
+    """
+
+    rate_hz: float = 50.0
+    ease_velocity: float = 1.0
+    following_error: float = 0.5
+    following_s: float = 0.5
+    settle_s: float = 0.5
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What `drive` did, and why it ended.
+
+    `rms_error` (n,) rad: commanded against measured one cycle later, in the order of `joints`, over the `followed`
+    cycles. `held_back`: cycles in which a limit kept the command from the stream. `late`: cycles that began more than
+    a period late. `refused`: frames by reason.
+    """
+
+    joints: tuple[str, ...]
+    mode: Mode
+    reason: str
+    cycles: int
+    followed: int
+    held_back: int
+    late: int
+    rms_error: Array
+    accepted: int
+    gaps: int
+    refused: dict[str, int]
+
+
+def drive(
+    rig: Rig,
+    receiver: Receiver,
+    bus: ServoBus,
+    settings: Settings | None = None,
+    *,
+    clock: Ticker | None = None,
+    stop: threading.Event | None = None,
+    watch: Callable[[RigState], None] | None = None,
+) -> Driven:
+    """Follow the stream of `receiver` on `bus` until it ends, is stopped, trips, or a signal or `stop` comes.
+
+    `watch` sees each cycle's state. Handles SIGINT, SIGTERM and SIGHUP when run in the main thread. Torque is off when
+    it returns or raises; it raises BusError where the bus fails (a missing servo, a hardware error, a lost port).
+    """
+    loop = _Loop(rig, receiver, bus, settings or Settings(), clock or MonotonicClock(), watch)
+    with caught_signals() as caught, bus:
+        try:
+            while loop.cycle():
+                if caught or (stop is not None and stop.is_set()):
+                    loop.finish("stopped", caught[0] if caught else "asked to")
+                    break
+        except BusError as error:
+            loop.finish("tripped", str(error))
+            raise
+    return loop.result()
+
+
+class _Loop:
+    def __init__(
+        self,
+        rig: Rig,
+        receiver: Receiver,
+        bus: ServoBus,
+        settings: Settings,
+        clock: Ticker,
+        watch: Callable[[RigState], None] | None,
+    ) -> None:
+        names = rig.joint_names()
+        self._columns = np.array([names.index(j) for j in bus.joints])
+        joints = [rig.joints[c] for c in self._columns]
+        self._limits = Limits(*(np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper", "velocity")))
+        self._ease = np.minimum(self._limits.velocity, settings.ease_velocity)
+        self._safe = np.array(rig.pose_vector(rig.safe))[self._columns]
+        self._rig, self._receiver, self._bus, self._settings = rig, receiver, bus, settings
+        self._clock, self._watch = clock, watch
+        self._period_ns = int(NS / settings.rate_hz)
+        self._next_ns = clock.now_ns()
+        self._frame: Frame | None = None
+        self._command: Array | None = None  # None while the torque is off
+        self._joined = False
+        self._reading: Reading | None = None
+        self._behind_ns = self._safe_ns = 0
+        self._mode: Mode = "waiting"
+        self._reason = ""
+        self._squares = np.zeros(len(joints))
+        self._cycles = self._followed = self._held_back = self._late = 0
+
+    def cycle(self) -> bool:
+        """Wait for the next cycle and do it; False where it was the last."""
+        self._clock.sleep_until_ns(self._next_ns)
+        now = self._clock.now_ns()
+        if now > self._next_ns + self._period_ns:
+            self._late += 1
+            self._next_ns = now
+        self._next_ns += self._period_ns
+        self._cycles += 1
+        self._frame = self._receiver.poll(now) or self._frame
+        self._mode, self._reason = self._receiver.watchdog.mode, self._receiver.watchdog.reason
+        self._reading = self._bus.read()
+        more = self._act(self._reading.position, now)
+        self._tell(now)
+        return more
+
+    def finish(self, mode: Mode, reason: str) -> None:
+        """End in `mode` for `reason`, and tell the publisher."""
+        self._mode, self._reason = mode, reason
+        self._tell(self._clock.now_ns())
+
+    def result(self) -> Driven:
+        """What was done so far."""
+        gate = self._receiver.gate
+        rms = np.sqrt(self._squares / max(1, self._followed))
+        return Driven(
+            self._bus.joints,
+            self._mode,
+            self._reason,
+            self._cycles,
+            self._followed,
+            self._held_back,
+            self._late,
+            rms,
+            gate.accepted,
+            gate.gaps,
+            dict(gate.refused),
+        )
+
+    def _act(self, measured: Array, now: int) -> bool:
+        if self._mode == "waiting":
+            return True
+        if self._command is None:
+            if self._mode != "following":
+                return self._mode == "hold"  # Nothing has moved: there is nothing to make safe.
+            self._bus.torque(True)
+            self._command = measured
+            self._behind_ns = now
+        if self._mode == "stopped" or self._lags(self._command - measured, now):
+            return False
+        self._move(self._command, measured, now)
+        return not self._settled(now)
+
+    def _move(self, command: Array, measured: Array, now: int) -> None:
+        frame = self._frame if self._mode == "following" else None
+        following = frame is not None
+        if frame is not None:
+            target = target_at(frame, self._receiver.gate.sender_ns(now))[self._columns]
+        else:
+            target = self._safe if self._mode == "safe" else command
+        speed = self._limits.velocity if following and self._joined else self._ease
+        self._command, held = step(command, target, self._limits, speed, self._period_ns / NS)
+        self._bus.write(self._command)
+        self._joined = following and (self._joined or not held)
+        if following:
+            self._followed += 1
+            self._held_back += held
+            self._squares += (command - measured) ** 2
+
+    def _lags(self, error: Array, now: int) -> bool:
+        worst = int(np.argmax(np.abs(error)))
+        if abs(error[worst]) <= self._settings.following_error:
+            self._behind_ns = now
+        if now - self._behind_ns <= self._settings.following_s * NS:
+            return False
+        self._mode = "tripped"
+        self._reason = f"{self._bus.joints[worst]} is {error[worst]:+.2f} rad off its command: jammed or overloaded"
+        return True
+
+    def _settled(self, now: int) -> bool:
+        if self._mode != "safe" or self._command is None or np.abs(self._command - self._safe).max() > 1e-6:
+            self._safe_ns = now
+        return now - self._safe_ns > self._settings.settle_s * NS
+
+    def _tell(self, now: int) -> None:
+        if self._reading is None:
+            return
+        columns = (self._reading.position, self._reading.current, self._reading.temperature, self._reading.voltage)
+        state = RigState(
+            self._rig.name,
+            self._rig.hash,
+            self._mode,
+            self._reason[:1000],
+            0 if self._frame is None else self._frame.seq,
+            now,
+            *(tuple(c.tolist()) for c in columns),
+        )
+        self._receiver.send_state(state)
+        if self._watch is not None:
+            self._watch(state)

@@ -1,0 +1,37 @@
+"""Endpoints: the four sockets of a stream derive from the one address that a person gives."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+DEFAULT = "tcp://127.0.0.1:5555"
+
+
+class StreamError(RuntimeError):
+    """An endpoint that cannot be used, or a stream that does not fit the rig."""
+
+
+@dataclass(frozen=True)
+class Endpoints:
+    """Addresses of the frames, the hello, the stop and the state sockets. The publisher binds all four."""
+
+    frames: str
+    hello: str
+    stop: str
+    state: str
+
+
+def endpoints(address: str) -> Endpoints:
+    """The four addresses of `address`: `tcp://host:port` takes port to port + 3; `ipc://path` appends names.
+
+    Raises StreamError where `address` is neither, or where port + 3 is no port.
+    """
+    if match := re.fullmatch(r"(tcp://(?:[\w.*-]+|\[[0-9a-fA-F:]+\])):(\d{1,5})", address):
+        host, port = match[1], int(match[2])
+        if not 1 <= port <= 65532:
+            raise StreamError(f"port {port} in {address!r}: a stream takes four ports, from 1…65532")
+        return Endpoints(*(f"{host}:{port + k}" for k in range(4)))
+    if re.fullmatch(r"ipc://.+", address):
+        return Endpoints(address, f"{address}.hello", f"{address}.stop", f"{address}.state")
+    raise StreamError(f"endpoint {address!r}: give tcp://host:port or ipc://path, such as {DEFAULT}")

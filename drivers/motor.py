@@ -1,0 +1,52 @@
+"""A position servo without load: proportional, first order near its goal, at constant speed far from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+FULL_PWM = 885  # register 36
+PWM_PER_TICK = 1 / 128  # per unit of register 84: e-Manual, "Position PID Gain", KP = register / 128
+
+
+def full_error(position_p_gain: int, ticks_per_turn: int) -> float:
+    """Position error in rad at which the controller asks for full PWM."""
+    return FULL_PWM / (position_p_gain * PWM_PER_TICK) * 2 * math.pi / ticks_per_turn
+
+
+@dataclass
+class Motor:
+    """State of one motor. `angle` rad, `speed` rad/s.
+
+    Within `full_error` rad of the goal the speed is proportional to the error, reaching `no_load_speed` rad/s at its
+    edge; the motor's inertia, gravity and the profile's acceleration are left out. `jammed` holds the shaft still.
+    """
+
+    no_load_speed: float
+    full_error: float
+    angle: float = 0.0
+    speed: float = 0.0
+    effort: float = 0.0
+    jammed: bool = False
+
+    def advance(self, dt: float, goal: float | None, max_speed: float) -> None:
+        """Move for `dt` s towards `goal` rad, at most at `max_speed` rad/s; None is torque off: nothing moves.
+
+        Exact for a goal that stands: constant speed until the linear band, then e' = -e/τ, τ = full_error /
+        no_load_speed. `effort` is the share of stall current, 0 in free motion, since back-EMF then balances PWM.
+        """
+        if goal is None or self.jammed:
+            self.speed = 0.0
+            error = 0.0 if goal is None else goal - self.angle
+            self.effort = max(-1.0, min(1.0, error / self.full_error))
+            return
+        top = min(max_speed, self.no_load_speed)
+        tau = self.full_error / self.no_load_speed
+        error = goal - self.angle
+        far_s = max(0.0, (abs(error) - top * tau) / top) if top > 0 else dt
+        at_top = min(dt, far_s)
+        error -= math.copysign(top * at_top, error)
+        error *= math.exp(-(dt - at_top) / tau)
+        self.angle = goal - error
+        self.speed = max(-top, min(top, error / tau))
+        self.effort = 0.0

@@ -1,0 +1,84 @@
+"""When a human foot stands: planted, flat and still."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motiongen.features import CONTACT_SPEED
+from motiongen.motion import FOOT_JOINTS, Motion
+from motiongen.rotation import Array
+
+Flags = NDArray[np.bool_]
+
+# A foot joint stands below the speed of the contact label and this height above where it is on a flat sole. That is
+# half the label's height: a foot that is to be pinned flat must really be down. It lets go only above 1.3 times both
+# (hysteresis), so that noise about the threshold does not make it flicker.
+STAND_HEIGHT = 0.05  # m
+RELEASE = 1.3
+# A stance shorter than this is no step, and a gap shorter than this is no swing.
+SHORTEST = 0.1  # s
+
+
+def sole_height(motion: Motion) -> Array:
+    """(T,) metres: how high the lower of the two soles is above the floor of the clip (`_floor`)."""
+    height = _above(motion, _feet(motion))
+    return height.min(1) - _floor(height)
+
+
+def planted(motion: Motion) -> dict[str, Flags]:
+    """(T,) booleans for `left_ankle` and `right_ankle`: ankle and toe of that foot both touch the floor.
+
+    Taken from `motion.contacts` where it has them, else from speed and height.
+    """
+    touch = motion.contacts if motion.contacts is not None else _touching(motion)
+    shortest = round(SHORTEST * motion.fps)
+    out = {}
+    for i, foot in enumerate(("left_ankle", "right_ankle")):
+        both = touch[:, 2 * i] & touch[:, 2 * i + 1]
+        out[foot] = _without_short(~_without_short(~both, shortest, inner=True), shortest, inner=False)
+    return out
+
+
+def runs(flags: Flags) -> list[tuple[int, int]]:
+    """Start and end (exclusive) of every stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _above(motion: Motion, feet: Array) -> Array:
+    """(T, 4) metres of the FOOT_JOINTS at `feet` (T, 4, 3) above the world's zero, less what each stands at."""
+    return feet[..., 2] - np.tile(motion.skeleton.foot_height, 2)
+
+
+def _feet(motion: Motion) -> Array:
+    return motion.positions()[:, [motion.skeleton.index(name) for name in FOOT_JOINTS]]
+
+
+def _touching(motion: Motion) -> Flags:
+    feet = _feet(motion)
+    speed = np.zeros(feet.shape[:2])
+    if len(motion) > 1:
+        speed = np.linalg.norm(np.gradient(feet, 1 / motion.fps, axis=0), axis=-1)
+    height = _above(motion, feet)
+    height -= _floor(height)
+    touch = (speed < CONTACT_SPEED) & (height < STAND_HEIGHT)
+    keep = (speed < RELEASE * CONTACT_SPEED) & (height < RELEASE * STAND_HEIGHT)
+    for t in range(1, len(touch)):
+        touch[t] |= touch[t - 1] & keep[t]
+    return touch
+
+
+def _floor(height: Array) -> float:
+    """Where the lowest joint is in the lowest twentieth of the frames: a jump does not move it."""
+    return float(np.percentile(height.min(1), 5))
+
+
+def _without_short(flags: Flags, shortest: int, *, inner: bool) -> Flags:
+    """`flags` less the stretches under `shortest` frames; `inner` spares those that touch the clip's ends."""
+    out = flags.copy()
+    for start, end in runs(flags):
+        at_end = start == 0 or end == len(flags)
+        if end - start < shortest and not (inner and at_end):
+            out[start:end] = False
+    return out

@@ -1,0 +1,131 @@
+"""Human motion in, joint trajectory of a rig out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from motiongen.motion import Motion
+from motiongen.rotation import Array, yaw_of_quat, yaw_quat
+from retarget.contacts import Flags, planted, sole_height
+from retarget.feet import flattened, pinned, riding_height
+from retarget.goals import ROOT, Goal, goals, leg_scale, root_goal
+from retarget.ik import solve
+from retarget.model import load_model
+from retarget.rest import Rest, rest_of
+from retarget.rig import MOUNTS, Mount, Rig
+from retarget.timeline import Timeline, ease, normalised, plan, shifted, smoothed, stretch
+from retarget.trajectory import Trajectory
+
+
+def retarget(motion: Motion, rig: Rig, *, mount: Mount | None = None, fps: float = 50.0) -> Trajectory:
+    """`rig` doing what `motion` shows, at `fps` frames a second, from its nominal pose and back to it.
+
+    It starts over the origin and faces +x. `mount` (the rig's own where None): on a `stand` the root stands still, the
+    soles `rig.stand_clearance` above the floor, and legs move in the air; else the root goes along the human path,
+    scaled by the length of the legs, planted feet stay where they are and the lowest sole is never below the floor.
+    Joint limits and velocities hold in every frame; what is out of their reach is missed, not an error.
+
+    Raises RigError where the rig's files are wrong, ValueError for an unknown mount or an fps not above 0.
+    """
+    mount = rig.mount if mount is None else mount
+    if mount not in MOUNTS:
+        raise ValueError(f"unknown mount {mount!r}; known are {', '.join(MOUNTS)}")
+    motion = motion.resampled(fps)
+    model = load_model(rig)
+    rest = rest_of(rig, model)
+    nominal = np.array([0, 0, rig.nominal.height, 1, 0, 0, 0, *rig.pose_vector(rig.nominal)], float)
+    if mount == "stand":
+        nominal[2] += rig.stand_clearance
+        stance = {foot.human: np.zeros(len(motion), bool) for foot in rig.feet}
+        body = _on_stand(motion, rig, model, rest, nominal)
+    else:
+        stance = planted(motion)
+        body = _on_floor(motion, rig, model, rest, nominal, stance)
+
+    velocity = np.array([joint.velocity for joint in rig.joints])
+    timeline = plan(body[0, 7:], body[-1, 7:], nominal[7:], velocity, len(body), fps)
+    qpos = _eased(body, nominal, timeline)
+    contacts = {foot.name: _shown(stance[foot.human], timeline) for foot in rig.feet}
+    if mount != "stand":
+        qpos[:, 2] += _lift(qpos, contacts, timeline, rig, model)
+    _verify(qpos, rig, fps)
+    labels = shifted(motion.labels, timeline, fps)
+    return Trajectory(qpos, fps, rig.name, rig.joint_names(), contacts, labels, motion.source)
+
+
+def _on_stand(motion: Motion, rig: Rig, model: mujoco.MjModel, rest: Rest, nominal: Array) -> Array:
+    """(T, 7 + nj) with the root where `nominal` (7 + nj,) has it."""
+    root_pos, root_quat = (np.tile(part, (len(motion), 1)) for part in (nominal[:3], nominal[3:7]))
+    return solve(rig, model, goals(motion, rig, rest, root_pos, root_quat), nominal, motion.fps, fixed_root=True)
+
+
+def _on_floor(
+    motion: Motion, rig: Rig, model: mujoco.MjModel, rest: Rest, nominal: Array, stance: dict[str, Flags]
+) -> Array:
+    """(T, 7 + nj) with the root along the human path and planted feet pinned."""
+    root_pos, root_quat = root_goal(motion, rest)
+    carried = flattened(goals(motion, rig, rest, root_pos, root_quat), rest, stance)
+    rise = riding_height(carried, rest, leg_scale(motion, rest) * np.maximum(sole_height(motion), 0.0))
+    for name, goal in carried.items():
+        if not goal.base:
+            carried[name] = replace(goal, pos=goal.pos + rise[:, None] * [0.0, 0.0, 1.0])
+    carried = pinned(carried, rest, stance)
+    root_pos = root_pos + rise[:, None] * [0.0, 0.0, 1.0]
+    for follow in rig.follow:
+        if follow.human == ROOT:
+            carried[ROOT] = Goal(follow, "", root_pos, root_quat)
+    start = nominal.copy()
+    start[:3], start[3:7] = root_pos[0], root_quat[0]
+    return solve(rig, model, carried, start, motion.fps, fixed_root=False)
+
+
+def _eased(body: Array, nominal: Array, timeline: Timeline) -> Array:
+    """The solved motion (T, 7 + nj) from rest to rest, led in from the nominal pose and out to it."""
+    shown = normalised(stretch(smoothed(normalised(body)), timeline))
+    lead = ease(_below(nominal, shown[0]), shown[0], timeline.lead)
+    tail = ease(_below(nominal, shown[-1]), shown[-1], timeline.tail)
+    return normalised(np.concatenate([lead, shown, tail[::-1]]))
+
+
+def _below(nominal: Array, frame: Array) -> Array:
+    """The nominal pose standing where `frame` is, facing as it does."""
+    out = nominal.copy()
+    out[:2] = frame[:2]
+    out[3:7] = yaw_quat(yaw_of_quat(frame[3:7]))
+    return out
+
+
+def _shown(flags: Flags, timeline: Timeline) -> Flags:
+    """Flags of the solved motion at the frames of the trajectory; False while it eases."""
+    out = np.zeros(timeline.lead + len(timeline.at) + timeline.tail, bool)
+    out[timeline.lead : timeline.lead + len(timeline.at)] = flags[np.rint(timeline.at).astype(int)]
+    return out
+
+
+def _lift(qpos: Array, contacts: dict[str, Flags], timeline: Timeline, rig: Rig, model: mujoco.MjModel) -> Array:
+    """(T,) metres by which the root must rise: the lowest sole touches where a foot is planted or the rig eases, and
+    is never below the floor."""
+    data = mujoco.MjData(model)
+    sites = [model.site(site).id for foot in rig.feet for site in foot.sites]
+    low = np.zeros(len(qpos))
+    for frame, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        low[frame] = data.site_xpos[sites, 2].min()
+    down = np.any(list(contacts.values()), axis=0)
+    down[: timeline.lead] = down[len(qpos) - timeline.tail :] = True
+    return np.where(down, -low, np.maximum(-low, 0.0))
+
+
+def _verify(qpos: Array, rig: Rig, fps: float) -> None:
+    """Raises RuntimeError naming the joint where a limit or a velocity is exceeded by more than rounding."""
+    angles = qpos[:, 7:]
+    for i, joint in enumerate(rig.joints):
+        speed = float(np.abs(np.diff(angles[:, i])).max(initial=0.0)) * fps
+        if angles[:, i].min() < joint.lower - 1e-6 or angles[:, i].max() > joint.upper + 1e-6:
+            raise RuntimeError(f"rig {rig.name!r}: {joint.name} left its limits {joint.lower} to {joint.upper} rad")
+        if speed > joint.velocity + 1e-5:
+            raise RuntimeError(f"rig {rig.name!r}: {joint.name} moves at {speed:.4g} rad/s, over {joint.velocity:.4g}")

@@ -1,0 +1,52 @@
+"""The gate: a trajectory goes through physics, and out comes a report that says pass, or why not."""
+
+from __future__ import annotations
+
+import hashlib
+
+from retarget.rig import Mount, Rig
+from retarget.trajectory import Trajectory
+from sim.commanded import COMMANDED
+from sim.evidence import Evidence
+from sim.geometry import measure
+from sim.physical import PHYSICAL
+from sim.report import Report
+from sim.scene import build_scene
+from sim.simulate import Rollout, require_fit, run
+from sim.thresholds import THRESHOLDS
+
+
+def judge(trajectory: Trajectory, rig: Rig, *, mount: Mount | None = None) -> tuple[Report, Rollout]:
+    """The report on `trajectory`, and the rollout that it rests on; `mount` defaults to the rig's own.
+
+    Raises ValueError where the trajectory is not for this rig or the mount is unknown.
+    """
+    require_fit(trajectory, rig)
+    held = rig.mount if mount is None else mount
+    scene = build_scene(rig, held, trajectory.qpos[0])
+    asked = measure(scene, trajectory.qpos)
+    rollout = run(scene, trajectory)
+    evidence = Evidence(trajectory, rig, held, rollout, asked, measure(scene, rollout.qpos))
+    checks = tuple(check(evidence) for check in (*COMMANDED, *PHYSICAL))
+    report = Report(
+        ok=all(c.ok for c in checks),
+        report_id=report_id(trajectory, rig, held),
+        rig=rig.name,
+        mount=held,
+        controller="open_loop",
+        duration_s=trajectory.duration,
+        checks=checks,
+    )
+    return report, rollout
+
+
+def check(trajectory: Trajectory, rig: Rig, *, mount: Mount | None = None) -> Report:
+    """The report on `trajectory`; see `judge`."""
+    return judge(trajectory, rig, mount=mount)[0]
+
+
+def report_id(trajectory: Trajectory, rig: Rig, mount: Mount) -> str:
+    """16 hex digits over everything that the verdict depends on: frames, rate, rig, mount and thresholds."""
+    digest = hashlib.sha256(trajectory.qpos.astype("<f8").tobytes())
+    digest.update(f"{trajectory.fps!r};{rig.hash:016x};{mount};{THRESHOLDS!r}".encode())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,296 @@
+"""Packets, registers, calibration and the Dynamixel driver, against the vendor's SDK and tables."""
+
+import math
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import dynamixel_easy_sdk
+import numpy as np
+import pytest
+from dynamixel_sdk import Protocol2PacketHandler
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from small_rig import XM430, small_rig
+
+from drivers.bus import BusError
+from drivers.calibration import Calibration, load_calibration
+from drivers.dynamixel import DynamixelBus
+from drivers.emulator import Emulator
+from drivers.packet import Instruction, Parser, build, crc16, status
+from drivers.registers import CURRENT_REGISTERS, MODELS, REGISTERS, hardware_errors
+from drivers.simulated import SimulatedBus
+from retarget.rig import Bus
+
+RIG = small_rig()
+TICK = 2 * math.pi / 4096
+CENTRE = Calibration(np.ones(3, np.int64), np.full(3, 2048), np.full(3, 4096))
+
+# Instruction packets of the e-Manual's examples, whole; their CRCs are what is tested.
+OFFICIAL = {
+    "ping": (build(1, Instruction.PING), "FF FF FD 00 01 03 00 01 19 4E"),
+    "broadcast ping": (build(254, Instruction.PING), "FF FF FD 00 FE 03 00 01 31 42"),
+    "read": (build(1, Instruction.READ, bytes([132, 0, 4, 0])), "FF FF FD 00 01 07 00 02 84 00 04 00 1D 15"),
+    "write": (
+        build(1, Instruction.WRITE, bytes([116, 0, 0, 2, 0, 0])),
+        "FF FF FD 00 01 09 00 03 74 00 00 02 00 00 CA 89",
+    ),
+    "sync read": (
+        build(254, Instruction.SYNC_READ, bytes([132, 0, 4, 0, 1, 2])),
+        "FF FF FD 00 FE 09 00 82 84 00 04 00 01 02 CE FA",
+    ),
+    "sync write": (
+        build(254, Instruction.SYNC_WRITE, bytes([116, 0, 4, 0, 1, 150, 0, 0, 0, 2, 170, 0, 0, 0])),
+        "FF FF FD 00 FE 11 00 83 74 00 04 00 01 96 00 00 00 02 AA 00 00 00 82 87",
+    ),
+}
+
+
+class Wire:
+    """Stands in for the SDK's port: gives what is to be read."""
+
+    def __init__(self, incoming):
+        self.is_using, self.incoming = False, incoming
+
+    def readPort(self, length):
+        out, self.incoming = self.incoming[:length], self.incoming[length:]
+        return out
+
+    def isPacketTimeout(self):
+        return not self.incoming
+
+
+# Bytes that stuffing and header search trip over, and ordinary ones.
+PARAMS = st.lists(st.sampled_from([0xFF, 0xFF, 0xFD, 0xFD, 0x00, 0x01, 0x55]), max_size=40).map(bytes)
+
+
+@pytest.mark.parametrize("name", OFFICIAL)
+def test_official_packets(name):
+    ours, official = OFFICIAL[name]
+    assert ours == bytes.fromhex(official)
+    assert crc16(ours) == crc16(ours[-2:], crc16(ours[:-2]))
+
+
+@given(ident=st.integers(0, 253), params=PARAMS)
+@settings(max_examples=50, deadline=None)
+def test_the_sdk_stuffs_and_sums_the_same(ident, params):
+    sdk = Protocol2PacketHandler()
+    draft = [0xFF, 0xFF, 0xFD, 0x00, ident, len(params) + 3, 0, 0x03, *params, 0, 0]
+    # Its txPacket drops what addStuffing returns and sends such packets unstuffed; the pieces are right.
+    stuffed = sdk.addStuffing(draft)[:-2]
+    theirs = bytes(stuffed) + sdk.updateCRC(0, stuffed, len(stuffed)).to_bytes(2, "little")
+    assert build(ident, Instruction.WRITE, params) == theirs
+    [packet] = Parser().feed(theirs)
+    assert (packet.id, packet.instruction, packet.params) == (ident, 0x03, params)
+
+
+@given(ident=st.integers(0, 252), params=PARAMS)
+@settings(max_examples=50, deadline=None)
+def test_the_sdk_reads_our_status_packets(ident, params):
+    assume(b"\xff\xfd\xfd" not in params)  # The SDK unstuffs in place and loses a byte where one follows another.
+    packet, result = Protocol2PacketHandler().rxPacket(Wire(status(ident, 0, params)), False)
+    assert result == 0
+    assert packet[4] == ident
+    assert bytes(packet[9 : 9 + len(params)]) == params
+
+
+@given(
+    data=st.lists(st.one_of(st.binary(max_size=12), PARAMS.map(lambda p: build(5, 3, p))), max_size=8), cut=st.data()
+)
+@settings(deadline=None)
+def test_the_parser_finds_packets_in_any_pieces(data, cut):
+    stream = b"".join(data) + build(9, 2, b"\x01\x02\x03\x04")
+    whole = Parser().feed(stream)
+    parser, pieces, at = Parser(), [], 0
+    while at < len(stream):
+        size = cut.draw(st.integers(1, 9))
+        pieces += parser.feed(stream[at : at + size])
+        at += size
+    assert pieces == whole
+
+
+def test_the_parser_survives_damage():
+    good = build(1, 3, b"\x74\x00\x01")
+    bad = bytearray(good)
+    bad[8] ^= 1
+    parser = Parser()
+    assert [p.params for p in parser.feed(b"\xff\xff" + bytes(bad) + good)] == [b"\x74\x00\x01"]
+    assert parser.damaged == 1
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_registers_are_those_of_the_vendors_tables(model):
+    folder = Path(dynamixel_easy_sdk.__file__).parent / "control_table"
+    rows = (folder / f"{model.lower().replace('-', '_')}.model").read_text().split("[control table]")[1].splitlines()
+    vendor = {}
+    for address, size, name in (r.split("\t") for r in rows[2:] if r.strip()):
+        vendor.setdefault(name.lower().split("(")[0].replace(" ", "_"), (int(address), int(size)))
+    vendor["secondary_id"] = vendor.pop("secondary") if "secondary" in vendor else vendor.get("secondary_id")
+    vendor["present_current"] = vendor.get("present_current") or vendor.get("present_load")
+    ours = REGISTERS + (CURRENT_REGISTERS if MODELS[model].has_current else ())
+    missing = [r.name for r in ours if vendor.get(r.name) is None]
+    assert missing in ([], ["secondary_id"])
+    assert [r for r in ours if r.name not in missing and vendor[r.name] != (r.address, r.size)] == []
+    assert [n for n in ("current_limit", "goal_current") if n in vendor and not MODELS[model].has_current] == []
+
+
+def test_hardware_errors_are_named():
+    assert hardware_errors(0b100100) == "overheating, overload"
+    assert "0x80" in hardware_errors(0x80)
+
+
+# --- calibration
+
+
+def test_default_calibration_and_a_file(tmp_path):
+    assert load_calibration(RIG, tmp_path / "none.toml").ticks([0.0, TICK, -TICK]).tolist() == [2048, 2049, 2047]
+    path = tmp_path / "small.toml"
+    path.write_text("[b]\ndirection = -1\nzero = 2000\n")
+    given = load_calibration(RIG, path)
+    assert given.ticks([0.0, 0.5, 0.0]).tolist() == [2048, 2000 - round(0.5 / TICK), 2048]
+    np.testing.assert_allclose(given.angle(given.ticks([0.3, 0.5, -0.7])), [0.3, 0.5, -0.7], atol=TICK / 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[x]\nzero = 1", "'x'"),
+        ("[a]\ndirection = 0", "direction 0"),
+        ("[a]\nzero = 4096", "zero 4096"),
+        ("[a]\nzero = 1.5", "zero 1.5"),
+        ("[a]\noffset = 1", "offset"),
+        ("[a", "small.toml"),
+    ],
+)
+def test_a_wrong_calibration_is_one_clear_line(tmp_path, text, message):
+    path = tmp_path / "small.toml"
+    path.write_text(text)
+    with pytest.raises(BusError, match=message) as caught:
+        load_calibration(RIG, path)
+    assert "\n" not in str(caught.value)
+
+
+# --- the driver, on the emulator
+
+
+def test_the_driver_measures_and_moves():
+    backwards = replace(CENTRE, direction=np.array([1, -1, 1]))
+    with Emulator(RIG, [0.2, -0.1, 0.0], backwards) as emulator:
+        with DynamixelBus(RIG, emulator.port, calibration=backwards) as bus:
+            reading = bus.read()
+            np.testing.assert_allclose(reading.position, [0.2, -0.1, 0.0], atol=TICK / 2)
+            assert reading.voltage.tolist() == pytest.approx([12.0, 11.1, 12.0])
+            assert reading.temperature.tolist() == [30, 30, 30]
+            assert emulator.get("b", "present_position") == 2048 + round(0.1 / TICK)
+            bus.write(np.array([1.0, 1.0, 1.0]))  # torque is off
+            np.testing.assert_allclose(bus.read().position, [0.2, -0.1, 0.0], atol=TICK / 2)
+            bus.torque(True)
+            np.testing.assert_allclose(bus.read().position, [0.2, -0.1, 0.0], atol=TICK)
+            bus.write(np.array([0.3, -0.2, 0.1]))
+            for _ in range(60):
+                time.sleep(0.01)
+                reading = bus.read()
+            np.testing.assert_allclose(reading.position, [0.3, -0.2, 0.1], atol=TICK)
+            assert all(emulator.torque().values())
+            assert emulator.get("a", "bus_watchdog") == 25
+        assert not any(emulator.torque().values())
+
+
+def test_a_jammed_servo_shows_its_stall_current():
+    with Emulator(RIG, [0.0] * 3, CENTRE) as emulator, DynamixelBus(RIG, emulator.port, calibration=CENTRE) as bus:
+        bus.torque(True)
+        emulator.servo("a").motor.jammed = True
+        bus.write(np.array([1.0, 0.0, 0.0]))
+        assert bus.read().current.tolist() == pytest.approx([XM430.stall_current, 0, 0], abs=2.69e-3)
+
+
+def test_no_fast_sync_read_falls_back_to_the_ordinary_one(monkeypatch):
+    monkeypatch.setattr("drivers.emulated_bus._fast_read", lambda hearing, params: iter(()))
+    with Emulator(RIG, calibration=CENTRE) as emulator, DynamixelBus(RIG, emulator.port, calibration=CENTRE) as bus:
+        for _ in range(5):
+            np.testing.assert_allclose(bus.read().position, [0.2, -0.1, 0.0], atol=TICK / 2)
+
+
+def test_a_hardware_error_is_decoded():
+    with Emulator(RIG, calibration=CENTRE) as emulator, DynamixelBus(RIG, emulator.port, calibration=CENTRE) as bus:
+        bus.torque(True)
+        emulator.servo("b").fault(0b100000)
+        with pytest.raises(BusError, match=r"servo 7 \(b\): hardware error: overload"):
+            bus.read()
+        with pytest.raises(BusError, match=r"servo 7 \(b\): overload"):
+            bus.torque(True)
+
+
+def test_silence_stops_the_servos_and_is_told():
+    rig_bus = lambda e: DynamixelBus(RIG, e.port, calibration=CENTRE, watchdog_s=0.02)  # noqa: E731
+    with Emulator(RIG, calibration=CENTRE) as emulator, rig_bus(emulator) as bus:
+        bus.torque(True)
+        time.sleep(0.06)
+        bus.read()
+        with pytest.raises(BusError, match="the servos stopped themselves"):
+            bus.write(np.zeros(3))
+        assert emulator.get("a", "bus_watchdog") == 255
+        bus.torque(True)
+        bus.write(np.zeros(3))
+
+
+def test_what_is_not_there_is_one_clear_line():
+    def opening(rig, port, **options):
+        with DynamixelBus(rig, port, calibration=CENTRE, **options):
+            raise AssertionError("it opened")
+
+    with pytest.raises(BusError, match=r"cannot open serial port '/dev/ttyNONE': No such file") as caught:
+        opening(RIG, "/dev/ttyNONE")
+    assert "\n" not in str(caught.value)
+    with Emulator(RIG, calibration=CENTRE) as emulator:
+        slow = replace(RIG, buses=(Bus("main", "dynamixel2", 57600),))
+        with pytest.raises(BusError, match=r"no servo answers on .* at 57600 baud"):
+            opening(slow, emulator.port)
+        with pytest.raises(BusError, match="knows no 31250 baud"):
+            opening(replace(RIG, buses=(Bus("main", "dynamixel2", 31250),)), emulator.port)
+        with pytest.raises(BusError, match=r"servo 7 \(b\): model 1060; the rig names XM430-W350, 1020"):
+            opening(replace(RIG, servos=tuple(replace(s, model=XM430) for s in RIG.servos)), emulator.port)
+        emulator.remove("b")
+        with pytest.raises(BusError, match=r"no answer on .* from servo 7 \(b\)$"):
+            opening(RIG, emulator.port)
+    with pytest.raises(BusError, match="watchdog_s 9"):
+        opening(RIG, "/dev/null", watchdog_s=9)
+    with pytest.raises(BusError, match="0 servos on 1 buses"):
+        opening(replace(RIG, servos=()), "/dev/null")
+
+
+def test_a_pulled_cable_is_one_clear_line():
+    def pull():
+        with DynamixelBus(RIG, emulator.port, calibration=CENTRE) as bus:
+            bus.torque(True)
+            emulator.unplug()
+            bus.read()
+
+    with Emulator(RIG, calibration=CENTRE) as emulator:
+        with pytest.raises(BusError, match=r"torque off is not confirmed, cut the power: .* is lost") as caught:
+            pull()
+        assert "is lost" in str(caught.value.__context__)
+
+
+def test_the_simulated_bus_moves_like_its_motors():
+    class At:
+        ns = 0
+
+        def now_ns(self):
+            return self.ns
+
+        def sleep_until_ns(self, when_ns):
+            self.ns = when_ns
+
+    clock = At()
+    with SimulatedBus(RIG, [0.0] * 3, clock=clock) as bus:
+        bus.write(np.ones(3))
+        clock.ns = 10**9
+        assert bus.read().position.tolist() == [0, 0, 0]
+        bus.torque(True)
+        bus.write(np.array([1.0, 0.0, 0.0]))
+        clock.ns += 10**8
+        assert bus.read().position[0] == pytest.approx(0.3)  # 0.1 s at the joint's 3 rad/s
+        clock.ns += 10**9
+        assert bus.read().position[0] == pytest.approx(1.0, abs=1e-6)
+    assert not bus.on

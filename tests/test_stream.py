@@ -1,0 +1,301 @@
+"""Publisher and receiver: what is accepted, what is refused, and what happens when frames stay away."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import zmq
+from small_rig import REPORT, free_address, small_rig, swing
+
+from drivers.endpoint import StreamError, endpoints
+from drivers.frame import UNCHECKED, Frame, State, encode
+from drivers.gate import Gate
+from drivers.messages import RigState
+from drivers.publisher import Publisher, frames_of, hello_for, publish
+from drivers.receiver import Receiver
+from drivers.watchdog import Patience, Watchdog
+from retarget.rig import Foot
+
+RIG = small_rig()
+MS = 1_000_000
+S = 1_000 * MS
+
+
+class FakeClock:
+    """Time that passes only where somebody sleeps; every sleep overshoots by `late_ns`."""
+
+    def __init__(self, late_ns: int = 0) -> None:
+        self.ns, self.late_ns, self.slept = 100 * S, late_ns, []
+
+    def now_ns(self) -> int:
+        return self.ns
+
+    def sleep_until_ns(self, when_ns: int) -> None:
+        self.slept.append(when_ns)
+        self.ns = max(self.ns, when_ns + self.late_ns)
+
+
+def a_frame(seq=0, sent_ns=0, **changes) -> Frame:
+    fields = {
+        "stream": 1,
+        "seq": seq,
+        "rig_hash": RIG.hash,
+        "report_id": REPORT,
+        "capture_ns": sent_ns,
+        "due_ns": sent_ns,
+        "period_ns": 20 * MS,
+        "pos": np.zeros((1, 3)),
+        "vel": np.zeros((1, 3)),
+        "root": np.array([[0, 0, 0, 1, 0, 0, 0]]),
+        "contacts": np.zeros(1, np.uint32),
+    }
+    return Frame(**{**fields, **changes})
+
+
+def until(condition, seconds=5.0):
+    """Wait for `condition()`, which a socket's own thread makes true."""
+    end = time.monotonic() + seconds
+    while not (found := condition()):
+        assert time.monotonic() < end, "nothing came"
+        time.sleep(0.005)
+    return found
+
+
+# --- endpoints
+
+
+def test_endpoints_derive_from_one():
+    at = endpoints("tcp://127.0.0.1:5555")
+    assert (at.frames, at.hello) == ("tcp://127.0.0.1:5555", "tcp://127.0.0.1:5556")
+    assert (at.stop, at.state) == ("tcp://127.0.0.1:5557", "tcp://127.0.0.1:5558")
+    assert endpoints("ipc:///tmp/x").hello == "ipc:///tmp/x.hello"
+
+
+@pytest.mark.parametrize("address", ["", "localhost", "tcp://1.2.3.4", "tcp://h:0", "tcp://h:65533", "udp://h:1"])
+def test_a_wrong_endpoint_is_one_clear_line(address):
+    with pytest.raises(StreamError, match=r"endpoint|port") as caught:
+        endpoints(address)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_busy_port_is_one_clear_line():
+    address, trajectory = free_address(), swing(RIG)
+    hello = hello_for(trajectory, RIG, REPORT, 1)
+    with Publisher(hello, address), pytest.raises(StreamError, match="is busy"):
+        Publisher(hello, address)
+    with Publisher(hello, address):  # Everything was closed: the ports are free again.
+        pass
+
+
+# --- what the gate lets through
+
+
+def test_the_gate_refuses_by_reason():
+    gate = Gate(RIG.hash)
+    assert gate.check(encode(a_frame(5, 0)), 0) is not None
+    refused = {
+        "damaged": b"nonsense",
+        "rig": encode(a_frame(6, rig_hash=RIG.hash ^ 1)),
+        "unchecked": encode(a_frame(6, report_id=UNCHECKED)),
+        "torque": encode(a_frame(6, torque=np.ones(3))),
+        "order": encode(a_frame(5)),
+        "stream": encode(a_frame(0, stream=2)),
+        "early": encode(a_frame(6, 0, due_ns=3 * S)),
+    }
+    for reason, data in refused.items():
+        assert gate.check(data, 10 * MS) is None, reason
+        assert gate.refused[reason] == 1, gate.last_error
+    assert sum(gate.refused.values()) == len(refused)
+    assert gate.accepted == 1
+
+
+def test_a_preview_takes_unchecked_frames():
+    gate = Gate(RIG.hash, preview=True)
+    assert gate.check(encode(a_frame(report_id=UNCHECKED, torque=np.ones(3))), 0) is not None
+
+
+def test_gaps_are_counted():
+    gate = Gate(RIG.hash)
+    for seq in (0, 1, 4):
+        gate.check(encode(a_frame(seq, seq * 20 * MS)), seq * 20 * MS)
+    assert (gate.accepted, gate.gaps) == (3, 2)
+
+
+@pytest.mark.parametrize("offset", [0, 7 * S, -7 * S])
+def test_a_late_frame_is_stale_however_the_clocks_differ(offset):
+    gate, sent = Gate(RIG.hash), 50 * S
+    assert gate.check(encode(a_frame(0, sent)), sent + offset + 2 * MS) is not None
+    assert abs(gate.sender_ns(sent + offset + 2 * MS) - sent) <= 2 * MS
+    assert gate.check(encode(a_frame(1, sent + 20 * MS)), sent + offset + 320 * MS) is not None
+    assert gate.check(encode(a_frame(2, sent + 40 * MS)), sent + offset + 345 * MS) is None
+    assert gate.refused == {"stale": 1}
+
+
+def test_a_frame_whose_time_is_past_is_stale():
+    gate = Gate(RIG.hash)
+    gate.check(encode(a_frame(0, S)), S)
+    assert gate.check(encode(a_frame(1, 2 * S, due_ns=S)), 2 * S) is None
+    assert gate.refused == {"stale": 1}
+
+
+def test_slow_drift_of_the_clocks_is_followed():
+    gate = Gate(RIG.hash)
+    for k in range(0, 3 * 3600, 10):  # three hours, our clock fast by 100 parts in a million: 1.08 s in all
+        assert gate.check(encode(a_frame(k, k * S)), k * S + k * S // 10_000) is not None
+    assert gate.refused == {}
+
+
+def test_a_new_stream_takes_over_after_silence():
+    gate = Gate(RIG.hash)
+    gate.check(encode(a_frame(100, S)), S)
+    assert gate.check(encode(a_frame(0, S, stream=2)), S + 200 * MS) is None
+    assert gate.check(encode(a_frame(1, S, stream=2)), S + 301 * MS) is not None
+    assert gate.refused == {"stream": 1}
+
+
+# --- the watchdog, on an injected clock
+
+
+def test_silence_holds_then_goes_safe_and_latches():
+    dog = Watchdog(Patience(0.3, 2.0))
+    assert dog.update(10 * S) == "waiting"
+    dog.fresh(State.PLAY, 10 * S)
+    assert dog.update(10 * S + 300 * MS) == "following"
+    assert dog.update(10 * S + 301 * MS) == "hold"
+    assert "no fresh frame for 0.3 s" in dog.reason
+    dog.fresh(State.PLAY, 11 * S)
+    assert dog.update(11 * S) == "following"
+    assert dog.update(13 * S) == "hold"
+    assert dog.update(13 * S + MS) == "safe"
+    dog.fresh(State.PLAY, 14 * S)
+    assert dog.update(14 * S) == "safe"
+    dog.rearm()
+    dog.fresh(State.PLAY, 15 * S)
+    assert dog.update(15 * S) == "following"
+
+
+def test_a_stop_latches_from_anywhere():
+    for state in (None, State.PLAY, State.HOLD, State.SAFE):
+        dog = Watchdog()
+        if state is not None:
+            dog.fresh(State.PLAY, 0)
+            dog.fresh(state, 0)
+        dog.stop("hand in the way")
+        dog.fresh(State.PLAY, MS)
+        assert dog.update(MS) == "stopped"
+        assert "hand in the way" in dog.reason
+
+
+def test_the_sender_may_ask_to_hold_to_end_or_to_go_safe():
+    dog = Watchdog()
+    dog.fresh(State.HOLD, 0)
+    assert dog.update(0) == "waiting"
+    dog.fresh(State.PLAY, 0)
+    for k in range(50):
+        dog.fresh(State.HOLD, k * 100 * MS)
+        assert dog.update(k * 100 * MS) == "hold"
+    dog.fresh(State.PLAY, 5 * S)
+    dog.fresh(State.IDLE, 5 * S)
+    assert (dog.update(7 * S), dog.reason) == ("hold", "the stream ended")
+    assert dog.update(7 * S + MS) == "safe"
+    dog.rearm()
+    dog.fresh(State.PLAY, 8 * S)
+    dog.fresh(State.SAFE, 8 * S)
+    assert dog.update(8 * S) == "safe"
+
+
+# --- over real sockets
+
+
+def test_frames_of_a_trajectory():
+    foot = Foot("left", "foot", (), "left_ankle")
+    rig = replace(RIG, feet=(replace(foot, name="right"), foot))
+    trajectory = replace(swing(RIG, 0.2), contacts={"left": np.arange(11) % 2 == 0})
+    frames = list(frames_of(trajectory, rig, REPORT, 9, 5 * S))
+    assert [f.seq for f in frames] == list(range(14))
+    assert [f.due_ns for f in frames] == [5 * S + k * 20 * MS for k in range(14)]
+    assert [f.state for f in frames] == [State.PLAY] * 11 + [State.IDLE] * 3
+    assert [int(f.contacts[0]) for f in frames[:3]] == [2, 0, 2]
+    angle = np.array([f.pos[0, 0] for f in frames[:11]])
+    np.testing.assert_allclose(angle, 0.2 + 0.2 * (1 - np.cos(2 * np.pi * np.arange(11) / 50)), atol=1e-6)
+    speed = np.array([f.vel[0, 0] for f in frames[1:10]])
+    np.testing.assert_allclose(speed, 0.4 * np.pi * np.sin(2 * np.pi * np.arange(1, 10) / 50), atol=5e-3)
+    assert not frames[-1].vel.any()
+
+
+def test_a_trajectory_of_another_rig_is_refused():
+    trajectory = replace(swing(RIG), joints=("x", "y", "z"), rig="other")
+    with pytest.raises(StreamError, match="other"):
+        next(frames_of(trajectory, RIG, REPORT, 1, 0))
+
+
+def test_deadlines_are_absolute():
+    clock = FakeClock(late_ns=3 * MS)
+    done = publish(swing(RIG, 0.5), RIG, REPORT, free_address(), clock=clock)
+    assert clock.slept == [100 * S + k * 20 * MS for k in range(26 + 3)]
+    assert (done.frames, done.heard, done.first_ns) == (29, False, 100 * S)
+    assert done.worst_late_s == pytest.approx(0.003)
+
+
+def test_the_receiver_sees_the_newest_frame_only():
+    address = free_address()
+    hello = hello_for(swing(RIG), RIG, REPORT, 1)
+    with Publisher(hello, address) as publisher, Receiver(address, rig_hash=RIG.hash) as receiver:
+        assert publisher.wait_for_subscriber(5)
+        assert receiver.poll(0) is None
+        for seq in range(50):
+            publisher.send(a_frame(seq, seq))
+            time.sleep(0.001)
+        time.sleep(0.2)
+        assert receiver.poll(100).seq == 49
+        assert receiver.poll(200) is None
+        assert (receiver.gate.accepted, receiver.watchdog.mode) == (1, "following")
+
+
+def test_hello_stop_and_state_travel_on_their_own_sockets():
+    address = free_address()
+    hello = hello_for(swing(RIG), RIG, REPORT, 1)
+    clock = FakeClock()
+    with Publisher(hello, address, clock=clock) as publisher:
+
+        def tick(receiver):
+            clock.ns += S
+            publisher.tick()
+            receiver.poll(0)
+
+        with Receiver(address, rig_hash=RIG.hash) as receiver:
+            until(lambda: tick(receiver) or receiver.hello)
+            assert receiver.hello == hello
+            state = RigState("small", RIG.hash, "following", "", 3, 4, (0.1, 0.2, 0.3))
+            found = until(lambda: receiver.send_state(state) or publisher.states())
+            assert found[0] == state
+            publisher.stop("enough")
+            until(lambda: receiver.poll(0) or receiver.watchdog.mode == "stopped")
+        with Receiver(address, rig_hash=RIG.hash) as late:  # One that joins after the stop hears it all the same.
+            until(lambda: tick(late) or late.watchdog.mode == "stopped")
+            assert "enough" in late.watchdog.reason
+
+
+def test_foreign_bytes_on_every_socket_are_counted_and_harmless():
+    address = free_address()
+    at = endpoints(address)
+    context = zmq.Context()
+    try:
+        sockets = []
+        for where in (at.frames, at.hello, at.stop):
+            sockets.append(context.socket(zmq.PUB))
+            sockets[-1].setsockopt(zmq.LINGER, 0)
+            sockets[-1].bind(where)
+        with Receiver(address, rig_hash=RIG.hash) as receiver:
+
+            def all_refused():
+                for socket in sockets:
+                    socket.send(b"\x93NUMPY junk")
+                receiver.poll(0)
+                return receiver.gate.refused["damaged"] and receiver.gate.refused["message"] >= 2
+
+            until(all_refused)
+            assert (receiver.watchdog.mode, receiver.hello, receiver.gate.accepted) == ("waiting", None, 0)
+    finally:
+        context.destroy(0)
