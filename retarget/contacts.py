@@ -16,14 +16,21 @@ Flags = NDArray[np.bool_]
 # (hysteresis), so that noise about the threshold does not make it flicker.
 STAND_HEIGHT = 0.05  # m
 RELEASE = 1.3
+# Somebody whose lowest foot joint is higher than this is in the air.
+SUPPORT_HEIGHT = 0.03  # m
 # A stance shorter than this is no step, and a gap shorter than this is no swing.
 SHORTEST = 0.1  # s
 
 
-def sole_height(motion: Motion) -> Array:
-    """(T,) metres: how high the lower of the two soles is above the floor of the clip (`_floor`)."""
+def supported(motion: Motion) -> Flags:
+    """(T,) booleans: some foot joint is no more than SUPPORT_HEIGHT above where it is on a flat sole."""
     height = _above(motion, _feet(motion))
-    return height.min(1) - _floor(height)
+    return height.min(1) - _floor(height) < SUPPORT_HEIGHT
+
+
+def pelvis_height(motion: Motion) -> Array:
+    """(T,) metres of the pelvis above the floor of the clip (`_floor`)."""
+    return motion.root_pos[:, 2] - _floor(_above(motion, _feet(motion)))
 
 
 def planted(motion: Motion) -> dict[str, Flags]:

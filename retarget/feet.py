@@ -20,6 +20,11 @@ from retarget.contacts import Flags, runs
 from retarget.goals import Goal
 from retarget.rest import Rest
 
+# A foot in the air counts for this share of a planted one, so that a high kick does not pull the pelvis after it; in
+# between its weight changes over FIRMING seconds, all of them outside the contact.
+SWING = 0.2
+FIRMING = 0.1
+
 
 def flattened(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags]) -> dict[str, Goal]:
     """The goals with the soles of planted feet level, facing where they faced on average; blended in between."""
@@ -37,13 +42,19 @@ def flattened(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags]) -> 
     return out
 
 
-def riding_height(goals: dict[str, Goal], rest: Rest, clearance: Array) -> Array:
-    """(T,) metres by which everything must rise for the lowest sole to be `clearance` (T,) above the floor."""
+def riding_height(goals: dict[str, Goal], rest: Rest, height: Array, supported: Flags) -> Array:
+    """(T,) metres by which everything must rise: the lowest sole lies on the floor while `supported` (T,).
+
+    In the air the root follows `height` (T,), the scaled height of the human pelvis, corrected from one support to the
+    next; so a jump keeps its arc whatever the feet do.
+    """
     lows = [_lowest(goals[foot].pos, goals[foot].quat, rest.soles[foot]) for foot in _grounded(goals, rest)]
-    return clearance - np.min(lows, axis=0) if lows else clearance
+    low = np.min(lows, axis=0)
+    pieces = [(-low - height)[start:end, None] for start, end in runs(supported)]
+    return height + _blended(pieces, supported)[:, 0]
 
 
-def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags]) -> dict[str, Goal]:
+def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: float) -> dict[str, Goal]:
     """The goals with planted feet held where they are on average, sole on the floor; blended in between."""
     out = dict(goals)
     for foot in _grounded(goals, rest):
@@ -57,8 +68,16 @@ def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags]) -> dic
         pos = pos + _blended(fix, planted[foot])
         sunk = np.minimum(_lowest(pos, quat, rest.soles[foot]), 0.0)
         pos[:, 2] -= sunk
-        out[foot] = replace(goals[foot], pos=pos)
+        out[foot] = replace(goals[foot], pos=pos, firm=_firmness(planted[foot], fps))
     return out
+
+
+def _firmness(planted: Flags, fps: float) -> Array:
+    frames = np.arange(len(planted))
+    away = np.full(len(planted), np.inf)  # frames to the nearest contact
+    for start, end in runs(planted):
+        away = np.minimum(away, np.maximum(np.maximum(start - frames, frames - end + 1), 0))
+    return np.maximum(1 - (1 - SWING) * away / (FIRMING * fps), SWING)
 
 
 def _grounded(goals: dict[str, Goal], rest: Rest) -> list[str]:
@@ -71,14 +90,14 @@ def _lowest(pos: Array, quat: Array, soles: Array) -> Array:
 
 
 def _blended(pieces: list[Array], planted: Flags) -> Array:
-    """(T, 3) correction: each piece over its own stretch of `planted`, smoothly from one to the next in between.
+    """(T, k) correction: each piece (n, k) over its own stretch of `planted`, smoothly from one to the next in between.
 
     Before the first and after the last it stays as it is there; without any it is zero.
     """
-    out = np.zeros((len(planted), 3))
     spans = runs(planted)
     if not spans:
-        return out
+        return np.zeros((len(planted), 3))
+    out = np.zeros((len(planted), pieces[0].shape[1]))
     for piece, (start, end) in zip(pieces, spans, strict=True):
         out[start:end] = piece
     out[: spans[0][0]] = pieces[0][0]

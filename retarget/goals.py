@@ -31,20 +31,19 @@ UPPER = ("neck", "head", *(f"{s}_{j}" for s in ("left", "right") for j in ("coll
 @dataclass(frozen=True)
 class Goal:
     """`follow.body` should be at `pos` (T, 3), metres, turned by `quat` (T, 4): in the frame of the follower of the
-    human joint `base`, or in the world where `base` is empty.
+    human joint `base`, or in the world where `base` is empty. `firm` (T,) scales the weights of `follow`.
     """
 
     follow: Follow
     base: str
     pos: Array
     quat: Array
+    firm: Array
 
 
 def leg_scale(motion: Motion, rest: Rest) -> float:
     """Length of the rig's legs over the human's, hip to ankle; 1 where the rig has none."""
-    legs = [
-        limb for limb in LIMBS if limb[0].endswith("hip") and _chain(limb, rest)[0] == limb[0] and limb[2] in rest.place
-    ]
+    legs = [limb for limb in LIMBS if limb[0].endswith("hip") and limb[0] in rest.place and limb[2] in rest.place]
     ratios = [sum(_rig_lengths(_chain(leg, rest), rest)) / _human_length(motion, leg[0], leg[2]) for leg in legs]
     return float(np.mean(ratios)) if ratios else 1.0
 
@@ -66,6 +65,7 @@ def goals(motion: Motion, rig: Rig, rest: Rest, root_pos: Array, root_quat: Arra
     upper = quat_conj(turn[:, motion.skeleton.index(CHEST)])
     to_rig = quat_mul(root_quat, quat_conj(turn[:, 0]))
     place = _limb_places(motion, rest, upper)
+    firm = np.ones(len(motion))
     out: dict[str, Goal] = {}
     for follow in rig.follow:
         name = follow.human
@@ -79,10 +79,10 @@ def goals(motion: Motion, rig: Rig, rest: Rest, root_pos: Array, root_quat: Arra
         if name in UPPER:
             base = _chest(rest)
             frame = quat_mul(quat_conj(rest.turn[base]), quat_mul(upper, human))
-            out[name] = Goal(follow, base, local, quat_mul(frame, rest.turn[name]))
+            out[name] = Goal(follow, base, local, quat_mul(frame, rest.turn[name]), firm)
         else:
             world = quat_mul(quat_mul(to_rig, human), rest.turn[name])
-            out[name] = Goal(follow, "", root_pos + quat_rotate(root_quat, local), world)
+            out[name] = Goal(follow, "", root_pos + quat_rotate(root_quat, local), world, firm)
     return out
 
 
@@ -93,7 +93,7 @@ def _limb_places(motion: Motion, rest: Rest, upper: Array) -> dict[str, Array]:
     out: dict[str, Array] = {}
     for limb in LIMBS:
         chain = _chain(limb, rest)
-        if not chain or chain[0] != limb[0]:
+        if limb[0] not in chain:
             continue
         arm = limb[0] in UPPER
         base, frame = (_chest(rest), upper) if arm else (ROOT, level)

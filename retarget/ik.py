@@ -41,10 +41,11 @@ DAMPING = 1e-3  # keeps a stretched limb, whose Jacobian is singular, from whipp
 
 @dataclass(frozen=True)
 class _Tracked:
-    """A goal's task and its targets, (T, 7) as mink has them: quaternion w x y z, then position."""
+    """A goal's task, its targets (T, 7) as mink has them, quaternion w x y z and position, and its cost (T, 6)."""
 
     task: FrameTask | RelativeFrameTask
     targets: Array
+    cost: Array
 
 
 def solve(
@@ -74,6 +75,7 @@ def solve(
     for frame in range(len(out)):
         for goal in tracked:
             goal.task.set_target(SE3(wxyz_xyz=goal.targets[frame]))
+            goal.task.cost[:] = goal.cost[frame]
         for _ in range(STEPS if frame else START_STEPS):
             velocity = solve_ik(body, tasks, dt, "daqp", damping=DAMPING, limits=limits, constraints=freeze)
             body.integrate_inplace(velocity, dt)
@@ -100,11 +102,17 @@ def _apart(model: mujoco.MjModel, size: float, dt: float) -> Limit:
 
 def _tracked(goal: Goal, rig: Rig, model: mujoco.MjModel) -> _Tracked:
     """Position errors count in units of the rig's nominal root height, so that weights mean the same on every size."""
-    name, position = goal.follow.body, goal.follow.position / rig.nominal.height
-    kind = "site" if is_site(model, name) else "body"
-    targets = np.concatenate([goal.quat, goal.pos], axis=1)
-    if not goal.base:
-        return _Tracked(FrameTask(name, kind, position, goal.follow.rotation), targets)
-    base = next((f.body for f in rig.follow if f.human == goal.base), rig.root)
-    base_kind = "site" if is_site(model, base) else "body"
-    return _Tracked(RelativeFrameTask(name, kind, base, base_kind, position, goal.follow.rotation), targets)
+    follow = goal.follow
+    weights = np.repeat([follow.position / rig.nominal.height, follow.rotation], 3)
+    kind = _kind(model, follow.body)
+    task: FrameTask | RelativeFrameTask
+    if goal.base:
+        base = next((f.body for f in rig.follow if f.human == goal.base), rig.root)
+        task = RelativeFrameTask(follow.body, kind, base, _kind(model, base), weights[:3], weights[3:])
+    else:
+        task = FrameTask(follow.body, kind, weights[:3], weights[3:])
+    return _Tracked(task, np.concatenate([goal.quat, goal.pos], axis=1), goal.firm[:, None] * weights)
+
+
+def _kind(model: mujoco.MjModel, name: str) -> str:
+    return "site" if is_site(model, name) else "body"

@@ -6,16 +6,18 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from motiongen.motion import Motion
-from motiongen.rotation import Array, yaw_of_quat, yaw_quat
-from retarget.contacts import Flags, planted, sole_height
+from motiongen.rotation import Array, quat_continuous, quat_normalize, yaw_of_quat, yaw_quat
+from retarget.contacts import Flags, pelvis_height, planted, supported
 from retarget.feet import flattened, pinned, riding_height
 from retarget.goals import ROOT, Goal, goals, leg_scale, root_goal
 from retarget.ik import solve
 from retarget.model import load_model
 from retarget.rest import Rest, rest_of
 from retarget.rig import MOUNTS, Mount, Rig
+from retarget.table import RigError
 from retarget.timeline import Timeline, ease, normalised, plan, shifted, smoothed, stretch
 from retarget.trajectory import Trajectory
 
@@ -28,12 +30,15 @@ def retarget(motion: Motion, rig: Rig, *, mount: Mount | None = None, fps: float
     scaled by the length of the legs, planted feet stay where they are and the lowest sole is never below the floor.
     Joint limits and velocities hold in every frame; what is out of their reach is missed, not an error.
 
-    Raises RigError where the rig's files are wrong, ValueError for an unknown mount or an fps not above 0.
+    Raises RigError where the rig's files are wrong or it has no feet to stand on, ValueError for an unknown mount or an fps not above 0.
     """
     mount = rig.mount if mount is None else mount
     if mount not in MOUNTS:
         raise ValueError(f"unknown mount {mount!r}; known are {', '.join(MOUNTS)}")
-    motion = motion.resampled(fps)
+    follows = {follow.human for follow in rig.follow}
+    if mount != "stand" and not (rig.feet and follows >= {foot.human for foot in rig.feet}):
+        raise RigError(f"rig {rig.name!r}: without feet that follow an ankle it can only be mounted on a stand")
+    motion = _without_corners(motion.resampled(fps))
     model = load_model(rig)
     rest = rest_of(rig, model)
     nominal = np.array([0, 0, rig.nominal.height, 1, 0, 0, 0, *rig.pose_vector(rig.nominal)], float)
@@ -56,10 +61,18 @@ def retarget(motion: Motion, rig: Rig, *, mount: Mount | None = None, fps: float
     return Trajectory(qpos, fps, rig.name, rig.joint_names(), contacts, labels, motion.source)
 
 
+def _without_corners(motion: Motion) -> Motion:
+    """The motion smoothed: resampling leaves a corner at every frame of the original."""
+    count, joints, _ = motion.joint_quat.shape
+    quat = smoothed(quat_continuous(motion.joint_quat).reshape(count, -1)).reshape(count, joints, 4)
+    return replace(motion, root_pos=smoothed(motion.root_pos), joint_quat=quat_normalize(quat))
+
+
 def _on_stand(motion: Motion, rig: Rig, model: mujoco.MjModel, rest: Rest, nominal: Array) -> Array:
     """(T, 7 + nj) with the root where `nominal` (7 + nj,) has it."""
     root_pos, root_quat = (np.tile(part, (len(motion), 1)) for part in (nominal[:3], nominal[3:7]))
-    return solve(rig, model, goals(motion, rig, rest, root_pos, root_quat), nominal, motion.fps, fixed_root=True)
+    carried = goals(motion, rig, rest, root_pos, root_quat)
+    return smoothed(solve(rig, model, carried, nominal, motion.fps, fixed_root=True))
 
 
 def _on_floor(
@@ -68,23 +81,39 @@ def _on_floor(
     """(T, 7 + nj) with the root along the human path and planted feet pinned."""
     root_pos, root_quat = root_goal(motion, rest)
     carried = flattened(goals(motion, rig, rest, root_pos, root_quat), rest, stance)
-    rise = riding_height(carried, rest, leg_scale(motion, rest) * np.maximum(sole_height(motion), 0.0))
+    height = leg_scale(motion, rest) * pelvis_height(motion)
+    rise = riding_height(carried, rest, height, supported(motion))
     for name, goal in carried.items():
         if not goal.base:
             carried[name] = replace(goal, pos=goal.pos + rise[:, None] * [0.0, 0.0, 1.0])
-    carried = pinned(carried, rest, stance)
+    carried = pinned(carried, rest, stance, motion.fps)
     root_pos = root_pos + rise[:, None] * [0.0, 0.0, 1.0]
     for follow in rig.follow:
         if follow.human == ROOT:
-            carried[ROOT] = Goal(follow, "", root_pos, root_quat)
+            carried[ROOT] = Goal(follow, "", root_pos, root_quat, np.ones(len(motion)))
     start = nominal.copy()
     start[:3], start[3:7] = root_pos[0], root_quat[0]
-    return solve(rig, model, carried, start, motion.fps, fixed_root=False)
+    body = solve(rig, model, carried, start, motion.fps, fixed_root=False)
+    return np.where(_bears(rig, model), body, smoothed(body))
+
+
+def _bears(rig: Rig, model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """(7 + nj,) booleans: the root and the joints that a foot hangs from, which smoothing would take off their pins."""
+    out = np.zeros(model.nq, bool)
+    for foot in rig.feet:
+        body = model.body(foot.body).id
+        while body > 0:
+            first = model.body_jntadr[body]
+            for joint in range(first, first + model.body_jntnum[body]):
+                start = model.jnt_qposadr[joint]
+                out[start : start + (7 if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE else 1)] = True
+            body = model.body_parentid[body]
+    return out
 
 
 def _eased(body: Array, nominal: Array, timeline: Timeline) -> Array:
     """The solved motion (T, 7 + nj) from rest to rest, led in from the nominal pose and out to it."""
-    shown = normalised(stretch(smoothed(normalised(body)), timeline))
+    shown = normalised(stretch(normalised(body), timeline))
     lead = ease(_below(nominal, shown[0]), shown[0], timeline.lead)
     tail = ease(_below(nominal, shown[-1]), shown[-1], timeline.tail)
     return normalised(np.concatenate([lead, shown, tail[::-1]]))
@@ -99,9 +128,10 @@ def _below(nominal: Array, frame: Array) -> Array:
 
 
 def _shown(flags: Flags, timeline: Timeline) -> Flags:
-    """Flags of the solved motion at the frames of the trajectory; False while it eases."""
+    """Flags of the solved motion at the frames of the trajectory: where both frames shown have it; not in easing."""
     out = np.zeros(timeline.lead + len(timeline.at) + timeline.tail, bool)
-    out[timeline.lead : timeline.lead + len(timeline.at)] = flags[np.rint(timeline.at).astype(int)]
+    both = flags[np.floor(timeline.at).astype(int)] & flags[np.ceil(timeline.at).astype(int)]
+    out[timeline.lead : timeline.lead + len(timeline.at)] = both
     return out
 
 

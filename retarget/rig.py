@@ -232,15 +232,21 @@ def _rig(folder: Path, t: Table) -> Rig:
     unique([(s.bus, s.id) for s in servos], "servo id (bus, id)")
     feet = t.tables("foot", _foot)
     unique([f.name for f in feet], "foot")
+    root, follow = t.text("root"), t.tables("follow", _follow)
+    unique([f.human for f in follow], "follow: human joint")
+    if root not in [f.body for f in follow if f.human == "pelvis"] or not any(f.position or f.rotation for f in follow):
+        raise RigError(
+            f"follow: the root {root!r} should follow the pelvis, and something should have a weight above 0"
+        )
     return Rig(
         name=folder.name,
         folder=folder,
         model=folder / t.text("model", "model.xml"),
-        root=t.text("root"),
+        root=root,
         mount=t.choice("mount", MOUNTS),
         stand_clearance=t.number("stand_clearance", 0.05),
         joints=joints,
-        follow=t.tables("follow", _follow),
+        follow=follow,
         feet=feet,
         nominal=t.table("nominal", partial(_pose, joints)),
         safe=t.table("safe", partial(_pose, joints)),

@@ -37,7 +37,7 @@ def plan(first: Array, last: Array, nominal: Array, velocity: Array, frames: int
     u = np.clip((np.arange(count - 1) + 0.5) / max(ramp, 1), 0, 1)
     rate = _smooth(u) * _smooth(u)[::-1]
     at = np.concatenate([[0.0], np.cumsum(rate)])
-    return Timeline(lead, at * min(1.0, (frames - 1) / max(at[-1], 1e-12)), tail)
+    return Timeline(lead, np.minimum(at * min(1.0, (frames - 1) / max(at[-1], 1e-12)), frames - 1), tail)
 
 
 def stretch(values: Array, timeline: Timeline) -> Array:

@@ -66,14 +66,19 @@ def penetration(e: Evidence) -> Check:
 
 
 def floating(e: Evidence) -> Check:
-    """Mean over frames of the height (m) of the lowest point of all soles above the floor."""
+    """Mean height (m) of the lowest point of all soles above the floor, while the motion says that a foot stands.
+
+    A flight phase is not a fault; a motion that never says so is judged in every frame.
+    """
     if e.mount == "stand" or not e.asked.soles:
         return not_here(e, "floating")
     lowest = np.maximum(np.concatenate([s[..., 2] for s in e.asked.soles.values()], axis=1).min(1), 0.0)
-    frame = int(np.argmax(lowest))
+    stands = np.any([np.zeros(len(lowest), bool), *e.trajectory.contacts.values()], axis=0)
+    stands = stands if stands.any() else ~stands
+    frame = int(np.argmax(np.where(stands, lowest, -1.0)))
     at = e.seconds(frame)
     found = f"The lowest sole is up to {lowest[frame] * 1000:.0f} mm above the floor at {at:.2f} s"
-    return verdict(e, "floating", lowest.mean(), at, found, "lower the root until a foot stands")
+    return verdict(e, "floating", lowest[stands].mean(), at, found, "lower the root until a foot stands")
 
 
 def self_collision(e: Evidence) -> Check:

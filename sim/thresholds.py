@@ -25,18 +25,20 @@ THRESHOLDS: dict[str, Threshold] = {
     "joint_speed": Threshold(40, "rad/s", False, "no human joint is faster: the clip jumps"),
     "body_speed": Threshold(15, "m/s", True, "no human limb is faster: the clip jumps"),
     "speed_saturation": Threshold(0.05, "share of time", False, "more than a rare peak is cut off by the servo"),
-    "torque_saturation": Threshold(0.10, "share of time", False, "a servo at its limit sags, heats and trips"),
+    "torque_saturation": Threshold(
+        0.25, "share of time", False, "bursts are how limbs speed up; lasting, they sag, heat and trip"
+    ),
     "penetration": Threshold(0.010, "m", True, "a sole 5 mm deep is the labelling noise of motion capture; twice that"),
     "floating": Threshold(0.025, "m", True, "heel lift and noise of capture stay under it; a lifted clip does not"),
     "self_collision": Threshold(0.020, "m", True, "more than what soft covers and play in the joints give way to"),
-    "self_contact": Threshold(0.20, "share of time", False, "a touch is a gesture; leaning on oneself stalls servos"),
+    "self_contact": Threshold(0.33, "share of time", False, "a touch is a gesture; leaning on oneself stalls servos"),
     "skate_speed": Threshold(0.15, "m/s", True, "above the speed at which a foot counts as planted"),
     "skate_ratio": Threshold(0.30, "share of contact", False, "a planted foot that slides in a third of its frames"),
     "fall_tilt": Threshold(0.5, "rad", False, "29 degrees off the motion: past the tipping point of a narrow stance"),
     "fall_drop": Threshold(0.25, "m", True, "the root sank by a quarter of a leg: the legs gave way"),
     "tracking_joint": Threshold(0.15, "rad", False, "9 degrees rms: the gesture is still the same gesture"),
-    "tracking_body": Threshold(0.12, "m", True, "rms of hands and feet: a palm's length on a human"),
-    "harness": Threshold(1.5, "weights", False, "the strap carries the rig and half as much again, not a throw"),
+    "tracking_body": Threshold(0.15, "m", True, "servo lag of a fast wave stays under it; a lost step does not"),
+    "harness": Threshold(2.0, "weights", False, "the strap carries the rig and as much again, not a throw"),
 }
 
 

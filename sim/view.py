@@ -22,6 +22,7 @@ Pose = tuple[Array, Array, Array]  # root position (3,) m, root quaternion (4,) 
 Poses = Callable[[], Pose | None]  # the newest pose, or None while there is none
 
 PERIOD = 1 / 60  # s between two looks at the source
+CLOSING = 5.0  # s to wait for the window to go
 LOCAL = "127.0.0.1"  # nobody else on the network gets to see it
 OTHER_WAYS = "use --view web, or write a film with --out FILE.mp4"
 
@@ -38,6 +39,7 @@ def view_native(rig: Rig, poses: Poses, *, mount: Mount | None = None, stop: thr
     data = mujoco.MjData(stage.model)
     start = _nominal(rig, mount)
     stage.place(data, start)
+    others = set(threading.enumerate())
     try:
         window = mujoco.viewer.launch_passive(stage.model, data, show_left_ui=False, show_right_ui=False)
     except RuntimeError as problem:  # macOS wants its own interpreter, mjpython
@@ -52,6 +54,9 @@ def view_native(rig: Rig, poses: Poses, *, mount: Mount | None = None, stop: thr
             window.sync()
 
         _follow(poses, show, lambda: window.is_running() and not (stop and stop.is_set()))
+    # Closing only asks: a thread that still draws when Python exits makes both wait for ever in X11.
+    for thread in set(threading.enumerate()) - others:
+        thread.join(CLOSING)
 
 
 def view_web(

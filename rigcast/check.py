@@ -1,0 +1,32 @@
+"""`rigcast check FILE`: the physics report, and nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from retarget.rig import Mount
+from rigcast import show
+from rigcast.play import rig_for
+from rigcast.times import Times
+
+
+def check(file: Positional[Path], /, *, rig: str | None = None, mount: Mount | None = None, json: bool = False) -> int:
+    """Put FILE through physics and print the report; exit 0 where it passes, 1 where it fails, 2 where unreadable.
+
+    Args:
+        file: A .bvh, or an .npz that rigcast wrote (motion or trajectory).
+        rig: Name of a rig or path of its folder; by default the rig of the trajectory, or puppet.
+        mount: How the base is held; by default as the rig says.
+        json: Print one JSON document instead of a table.
+    """
+    from rigcast.pipeline import read, take
+
+    what = read(file)
+    taken = take(what, rig_for(what, rig), mount, Times())
+    if json:
+        show.print_json(show.take_dict(taken))
+    else:
+        show.console().print(show.report_table(taken.report))
+    return 0 if taken.report.ok else 1

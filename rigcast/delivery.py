@@ -1,0 +1,122 @@
+"""The end of the line, shared by `say` and `play`: through the gate to files, the wire and a preview."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import UseAppendAction, arg
+
+from rigcast import show
+from rigcast.pipeline import Take
+from rigcast.times import BEGAN, Times
+
+if TYPE_CHECKING:
+    from sim.view import Pose, Poses
+
+LISTENER_WAIT_S = 2.0  # a receiver that was there first comes back to a new publisher within half a second
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """Where a take goes."""
+
+    out: Annotated[UseAppendAction[tuple[Path, ...]], arg(metavar="FILE")] = ()
+    """Write by suffix: .npz .csv (trajectory), .motion.npz .bvh (human motion), .mp4 .gif .png, .json (report)."""
+    publish: Annotated[str | None, arg(metavar="ENDPOINT")] = None
+    """ZeroMQ endpoint to stream to, such as tcp://127.0.0.1:5555."""
+    view: Literal["native", "web", "none"] = "none"
+    """Show it in a window or in the browser, until closed or Ctrl-C."""
+    unchecked: bool = False
+    """Go on where the report fails. A stream is then marked unchecked: previews follow it, nothing that moves does."""
+    json: bool = False
+    """Print one JSON document instead of tables."""
+
+
+def require(how: Delivery, *, has_motion: bool) -> None:
+    """Find out before any work what cannot be delivered. Raises OutputError, StreamError, ModuleNotFoundError."""
+    from rigcast.outputs import require_writable
+
+    require_writable(how.out, has_motion=has_motion)
+    if how.publish is not None:
+        from drivers.endpoint import endpoints
+
+        endpoints(how.publish)
+
+
+def deliver(take: Take, how: Delivery, times: Times, said: dict[str, Any]) -> int:
+    """Report, then write, stream and show `take` where it passed or `how.unchecked`; the exit code.
+
+    `said` goes into the JSON document beside the take. Raises OSError, StreamError, RuntimeError (no display).
+    """
+    if not how.json:
+        console = show.console()
+        console.print(show.size_line(take))
+        console.print(show.origin_line(take), markup=False)
+        console.print(show.report_table(take.report))
+    allowed = take.report.ok or how.unchecked
+    done: dict[str, Any] = {"written": [], "published": None}
+    if allowed:
+        done = {"written": _write(take, how, times), "published": _publish(take, how, times)}
+    if how.json:
+        show.print_json({**said, **show.take_dict(take), **done, "seconds": times.seconds})
+    else:
+        for path in done["written"]:
+            print(f"wrote {path}")
+        print(show.times_line(times.seconds))
+    if not allowed:
+        show.warn("the report failed, so nothing was written or streamed; --unchecked writes and previews it anyway")
+        return 1
+    if how.view != "none":
+        watch(take, how.view)
+    return 0
+
+
+def _write(take: Take, how: Delivery, times: Times) -> list[str]:
+    from rigcast.outputs import suffix_of, write
+
+    for path in how.out:
+        with times.stage(f"write {suffix_of(path)}"):
+            write(take, path)
+    return [str(path) for path in how.out]
+
+
+def _publish(take: Take, how: Delivery, times: Times) -> dict[str, Any] | None:
+    if how.publish is None:
+        return None
+    from drivers.frame import UNCHECKED
+    from drivers.publisher import publish
+
+    report_id = UNCHECKED if how.unchecked else take.report.report_id
+    with times.stage("stream"):
+        sent = publish(take.trajectory, take.rig, report_id, how.publish, wait_s=LISTENER_WAIT_S)
+    if not sent.heard:
+        show.warn(f"nobody listened on {how.publish}; start `rigcast view` or `rigcast drive` first")
+    first_frame_s = sent.first_ns * 1e-9 - BEGAN
+    facts = {k: v for k, v in asdict(sent).items() if k in ("frames", "worst_late_s", "heard")}
+    return {"endpoint": how.publish, "report_id": report_id, "first_frame_s": first_frame_s, **facts}
+
+
+def watch(take: Take, where: Literal["native", "web"]) -> None:
+    """Show what physics made of `take`, over and over, until the window closes or Ctrl-C."""
+    from sim.view import view_native, view_web
+
+    show_in = view_native if where == "native" else view_web
+    with suppress(KeyboardInterrupt):
+        show_in(take.rig, looping(take), mount=take.rollout.mount)
+
+
+def looping(take: Take, clock: Callable[[], float] = time.monotonic) -> Poses:
+    """The pose of the moment (root position, root quaternion, joints), starting over a second after the end."""
+    qpos, fps, began = take.rollout.qpos, take.rollout.fps, clock()
+
+    def newest() -> Pose:
+        frame = int((clock() - began) * fps) % (len(qpos) + round(fps))
+        row = qpos[min(frame, len(qpos) - 1)]
+        return row[:3], row[3:7], row[7:]
+
+    return newest

@@ -1,0 +1,115 @@
+"""`--out FILE`: what each suffix writes. Checked before any work is done, written under a temporary name."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from motiongen.motion import Motion
+from rigcast.pipeline import Take
+
+
+class OutputError(ValueError):
+    """An `--out` that cannot be written; the message names it and what would do."""
+
+
+def require_writable(paths: Iterable[Path], *, has_motion: bool) -> None:
+    """Raise OutputError for an unknown suffix, a folder that is not there or not writable, or a path given twice.
+
+    `has_motion`: whether human motion will be there to write, or only a trajectory.
+    """
+    seen: set[Path] = set()
+    for path in paths:
+        suffix = suffix_of(path)
+        if suffix in FROM_MOTION and not has_motion:
+            raise OutputError(f"{path}: {suffix} holds human motion, but the input is a rig's trajectory")
+        if path.is_dir() or not path.parent.is_dir():
+            raise OutputError(f"{path}: {'is a folder' if path.is_dir() else f'no folder {path.parent}'}")
+        if not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise OutputError(f"{path}: not writable")
+        if path.resolve() in seen:
+            raise OutputError(f"{path}: given twice")
+        seen.add(path.resolve())
+
+
+def suffix_of(path: Path) -> str:
+    """The suffix that decides what is written; raises OutputError that lists them."""
+    for suffix in WRITERS:  # `.motion.npz` comes before `.npz`
+        if path.name.endswith(suffix) and path.name != suffix:
+            return suffix
+    raise OutputError(f"{path}: unknown suffix; known are {', '.join(WRITERS)}")
+
+
+def write(take: Take, path: Path) -> None:
+    """Write `take` to `path` in the form that its suffix names. Raises OutputError, OSError."""
+    WRITERS[suffix_of(path)](take, path)
+
+
+def _motion_npz(take: Take, path: Path) -> None:
+    from motiongen.files import save_motion
+
+    save_motion(_motion(take), path)
+
+
+def _bvh(take: Take, path: Path) -> None:
+    from motiongen.bvh_write import write_bvh
+
+    write_bvh(_motion(take), path)
+
+
+def _motion(take: Take) -> Motion:
+    if take.motion is None:
+        raise OutputError("there is no human motion to write, only a rig's trajectory")
+    return take.motion
+
+
+def _trajectory_npz(take: Take, path: Path) -> None:
+    from retarget.files import save_trajectory
+
+    save_trajectory(take.trajectory, path)
+
+
+def _csv(take: Take, path: Path) -> None:
+    from retarget.files import write_csv
+
+    write_csv(take.trajectory, path)
+
+
+def _report_json(take: Take, path: Path) -> None:
+    from motiongen.files import replacing
+
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(take.report.to_dict(), indent=2) + "\n", encoding="utf-8")
+
+
+def _video(take: Take, path: Path) -> None:
+    from sim.render import render_video
+
+    rollout = take.rollout
+    render_video(rollout.qpos, rollout.fps, take.rig, path, mount=rollout.mount, title=_title(take))
+
+
+def _sheet(take: Take, path: Path) -> None:
+    from sim.render import render_sheet
+
+    rollout = take.rollout
+    render_sheet(rollout.qpos, rollout.fps, take.rig, path, mount=rollout.mount, title=_title(take))
+
+
+def _title(take: Take) -> str:
+    return "; ".join(label.text for label in take.trajectory.labels)
+
+
+WRITERS: dict[str, Callable[[Take, Path], None]] = {
+    ".motion.npz": _motion_npz,
+    ".npz": _trajectory_npz,
+    ".bvh": _bvh,
+    ".csv": _csv,
+    ".json": _report_json,
+    ".mp4": _video,
+    ".gif": _video,
+    ".png": _sheet,
+}
+FROM_MOTION = (".motion.npz", ".bvh")

@@ -1,0 +1,97 @@
+"""`rigcast view`: draw what is on the wire. It follows unchecked streams too, for it moves nothing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from tyro.conf import Positional, arg
+
+from drivers.endpoint import DEFAULT
+from retarget.rig import load_rig
+from rigcast import show
+
+if TYPE_CHECKING:
+    from drivers.frame import Frame
+    from drivers.receiver import Receiver
+    from sim.view import Pose, Poses
+
+FILM_FPS = 25.0
+
+
+def view(
+    endpoint: Annotated[Positional[str], arg(metavar="ENDPOINT")] = DEFAULT,
+    /,
+    *,
+    rig: str = "puppet",
+    on: Literal["native", "web"] = "native",
+    port: int = 8080,
+    film: Annotated[Path | None, arg(metavar="FILE")] = None,
+    seconds: float = 5.0,
+) -> int:
+    """Show the stream on ENDPOINT in a window or in the browser until closed or Ctrl-C, or film a part of it.
+
+    Args:
+        endpoint: Where `say --publish` streams to.
+        rig: Name of the rig that is streamed, or path of its folder.
+        on: A MuJoCo window, or a page on this machine.
+        port: Port of the page, on 127.0.0.1.
+        film: Write an .mp4 or .gif of what arrives instead of showing it.
+        seconds: Length of the film.
+    """
+    from drivers.receiver import Receiver
+
+    body = load_rig(rig)
+    with Receiver(endpoint, rig_hash=body.hash, preview=True) as receiver:
+        poses = following(receiver)
+        if film is not None:
+            return _film(poses, film, seconds, rig)
+        from sim.view import view_native, view_web
+
+        with suppress(KeyboardInterrupt):
+            if on == "native":
+                view_native(body, poses)
+            else:
+                view_web(body, poses, port=port)
+    return 0
+
+
+def following(receiver: Receiver, clock: Callable[[], int] = time.monotonic_ns) -> Poses:
+    """The newest pose on the wire (root position, root quaternion, joints); None until one came."""
+    newest: Pose | None = None
+
+    def poses() -> Pose | None:
+        nonlocal newest
+        frame = receiver.poll(clock())
+        newest = newest if frame is None else pose_due(frame, clock())
+        return newest
+
+    return poses
+
+
+def pose_due(frame: Frame, now_ns: int) -> Pose:
+    """The sample of `frame` that is due at `now_ns`; its first or last where none is."""
+    sample = min(max((now_ns - frame.due_ns) // frame.period_ns, 0), len(frame.pos) - 1)
+    root = frame.root[sample].astype(float)
+    return root[:3], root[3:], frame.pos[sample].astype(float)
+
+
+def _film(poses: Poses, path: Path, seconds: float, rig: str) -> int:
+    from sim.render import render_video
+
+    rows: list[np.ndarray] = []
+    began = time.monotonic()
+    for k in range(round(seconds * FILM_FPS)):
+        time.sleep(max(0.0, began + k / FILM_FPS - time.monotonic()))
+        if (pose := poses()) is not None:
+            rows.append(np.concatenate(pose))
+    if not rows:
+        show.warn(f"no frame for rig {rig!r} came within {seconds:g} s")
+        return 1
+    render_video(np.array(rows), FILM_FPS, load_rig(rig), path)
+    print(f"wrote {path}")
+    return 0

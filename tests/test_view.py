@@ -1,0 +1,146 @@
+"""The live views show the newest pose, end when told, and say what to do where they cannot open."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+
+import numpy as np
+import pytest
+from PIL import ImageGrab
+from two_arm_rig import HEIGHT
+from two_arm_rig import two_arm_rig as make_rig
+
+from sim.view import view_native, view_web
+
+ROOT = (np.array([0.0, 0.0, HEIGHT]), np.array([1.0, 0.0, 0.0, 0.0]))
+ARM_UP, ARM_DOWN = np.array([1.5, 0.0]), np.array([-1.5, 0.0])
+
+
+def free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+def test_the_web_view_serves_a_page_and_the_newest_pose(tmp_path, monkeypatch, capfd):
+    from mjviser import ViserMujocoScene
+
+    shown, stop, port = [], threading.Event(), free_port()
+    update = ViserMujocoScene.update_from_mjdata
+
+    def watch(scene, data):
+        update(scene, data)
+        shown.append(data.qpos[7:].tolist())
+
+    monkeypatch.setattr(ViserMujocoScene, "update_from_mjdata", watch)
+    coming = iter([None, (*ROOT, ARM_UP), (*ROOT, ARM_DOWN)])
+    pages, deadline = [], time.monotonic() + 30
+
+    def poses():
+        pose = next(coming, None)
+        if time.monotonic() > deadline:
+            stop.set()
+        if pose is None and len(shown) == 3:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}") as answer:
+                pages.append(answer.read().decode())
+            stop.set()
+        return pose
+
+    view_web(make_rig(tmp_path), poses, port=port, stop=stop)
+    assert shown == [[0, 0], ARM_UP.tolist(), ARM_DOWN.tolist()]
+    assert "<html" in pages[0].lower()
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert f"open http://127.0.0.1:{port} in a browser" in err
+    with socket.socket() as s:
+        assert s.connect_ex(("127.0.0.1", port)) != 0  # closed behind it
+
+
+def test_the_web_view_listens_to_this_machine_alone_and_says_when_the_port_is_taken(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(RuntimeError, match=f"port {port} is taken; choose another with --port"):
+            view_web(make_rig(tmp_path), lambda: None, port=port)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="displays are an X11 and Wayland matter")
+@pytest.mark.parametrize("display", ["", ":987"])
+def test_no_display_is_one_line_that_names_the_other_ways(tmp_path, monkeypatch, display):
+    monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(RuntimeError, match=r"display.*--view web, or write a film with --out FILE\.mp4$"):
+        view_native(make_rig(tmp_path), lambda: None)
+
+
+VIEWER = """
+import sys, threading
+from pathlib import Path
+import numpy as np
+sys.path.insert(0, {tests!r})
+from test_view import ROOT
+from two_arm_rig import two_arm_rig
+from sim.view import view_native
+stop = threading.Event()
+threading.Thread(target=lambda: (sys.stdin.readline(), stop.set()), daemon=True).start()
+shown = 0
+def poses():
+    global shown
+    shown += 1
+    if shown == 10:
+        print("shown", flush=True)
+    return (*ROOT, np.array([{arm}, 0.0]))
+view_native(two_arm_rig(Path({folder!r})), poses, stop=stop)
+"""
+
+
+@pytest.fixture
+def display():
+    """A virtual X display, by its name."""
+    if shutil.which("Xvfb") is None:
+        pytest.skip("needs Xvfb")
+    read, write = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24", "-nolisten", "tcp"]
+    with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
+        os.close(write)
+        with os.fdopen(read) as pipe:
+            name = ":" + pipe.readline().strip()
+        yield name
+        server.terminate()
+
+
+def grab(display: str, *, unlike: np.ndarray | None) -> np.ndarray:
+    """The screen (480, 640, 3), once something is drawn on it that is not `unlike`; software drawing takes a while."""
+    deadline = time.monotonic() + 20
+    while True:
+        picture = np.asarray(ImageGrab.grab(xdisplay=display)).astype(int)
+        changed = unlike is None or (np.abs(picture - unlike).max(-1) > 60).mean() > 0.002
+        if (picture.std() > 15 and changed) or time.monotonic() > deadline:
+            return picture
+        time.sleep(0.1)
+
+
+def test_the_window_shows_the_newest_pose_and_closes_when_told(tmp_path, display):
+    pictures = []
+    for arm in (1.2, -1.2):
+        code = VIEWER.format(tests=os.path.dirname(__file__), arm=arm, folder=str(tmp_path))
+        env = {**os.environ, "DISPLAY": display}
+        pipe = subprocess.PIPE
+        with subprocess.Popen([sys.executable, "-c", code], env=env, stdin=pipe, stdout=pipe, text=True) as viewer:
+            try:
+                assert viewer.stdout.readline() == "shown\n"
+                pictures.append(grab(display, unlike=pictures[0] if pictures else None))
+                viewer.communicate("stop\n", timeout=20)
+            finally:
+                viewer.kill()  # nothing, once it has ended
+        assert viewer.returncode == 0
+    assert all(p.std() > 15 for p in pictures)
+    assert (np.abs(pictures[0] - pictures[1]).max(-1) > 60).mean() > 0.002
