@@ -100,7 +100,7 @@ class MdmGenerator:
         w = self._weights
         features = _smooth((x * w.std + w.mean).astype(float))
         skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, w.offsets.astype(float), BANDAI_NAMCO.foot_height)
-        source = Source(f"{self.name} {w.digest}", w.digest, seed, w.licence)
+        source = Source(self.name, w.digest, seed, w.licence)
         label = Label(0.0, (len(features) - 1) / FPS, text)
         features[:, HEIGHT] -= _floats(features_to_motion(features, skeleton))
         return features_to_motion(features, skeleton, labels=(label,), source=source)

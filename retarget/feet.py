@@ -24,6 +24,8 @@ from retarget.rest import Rest
 # between its weight changes over FIRMING seconds, all of them outside the contact.
 SWING = 0.2
 FIRMING = 0.1
+# People swing their toes some 2 cm above the floor, bent up; a rig's sole is stiff and would scuff where theirs clears.
+CLEARANCE = 0.025  # of the root's height, reached FIRMING seconds from the contact
 
 
 def flattened(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags]) -> dict[str, Goal]:
@@ -54,8 +56,11 @@ def riding_height(goals: dict[str, Goal], rest: Rest, height: Array, supported: 
     return height + _blended(pieces, supported)[:, 0]
 
 
-def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: float) -> dict[str, Goal]:
-    """The goals with planted feet held where they are on average, sole on the floor; blended in between."""
+def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: float, height: float) -> dict[str, Goal]:
+    """The goals with planted feet held where they are on average, sole on the floor; blended in between.
+
+    A foot in the air keeps clear of the floor, in proportion to the rig's nominal root `height` in metres.
+    """
     out = dict(goals)
     for foot in _grounded(goals, rest):
         pos, quat = goals[foot].pos, goals[foot].quat
@@ -66,18 +71,20 @@ def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: f
             spot[:, 2] -= _lowest(spot, quat[start:end], rest.soles[foot])
             fix.append(spot - pos[start:end])
         pos = pos + _blended(fix, planted[foot])
-        sunk = np.minimum(_lowest(pos, quat, rest.soles[foot]), 0.0)
-        pos[:, 2] -= sunk
-        out[foot] = replace(goals[foot], pos=pos, firm=_firmness(planted[foot], fps))
+        swing = np.minimum(_away(planted[foot]) / (FIRMING * fps), 1.0)
+        clear = CLEARANCE * height * swing
+        pos[:, 2] += np.maximum(clear - _lowest(pos, quat, rest.soles[foot]), 0.0)
+        out[foot] = replace(goals[foot], pos=pos, firm=1 - (1 - SWING) * swing)
     return out
 
 
-def _firmness(planted: Flags, fps: float) -> Array:
+def _away(planted: Flags) -> Array:
+    """(T,) frames to the nearest contact, 0 within one."""
     frames = np.arange(len(planted))
-    away = np.full(len(planted), np.inf)  # frames to the nearest contact
+    away = np.full(len(planted), np.inf)
     for start, end in runs(planted):
         away = np.minimum(away, np.maximum(np.maximum(start - frames, frames - end + 1), 0))
-    return np.maximum(1 - (1 - SWING) * away / (FIRMING * fps), SWING)
+    return away
 
 
 def _grounded(goals: dict[str, Goal], rest: Rest) -> list[str]:

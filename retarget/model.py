@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 
 from retarget.rig import Rig
@@ -26,8 +28,9 @@ def load_spec(rig: Rig) -> mujoco.MjSpec:
         raise RigError(
             f"{rig.model}: joints {', '.join(hinges)} are not those of rig.toml: {', '.join(rig.joint_names())}"
         )
+    unit = math.degrees(1) if spec.compiler.degree else 1.0  # a spec keeps the file's unit until it compiles
     for joint in rig.joints:
-        hinges[joint.name].range = [joint.lower, joint.upper]
+        hinges[joint.name].range = [joint.lower * unit, joint.upper * unit]
         hinges[joint.name].limited = True
     bodies, sites = {b.name for b in spec.bodies}, {s.name for s in spec.sites}
     _known([f.body for f in rig.follow], bodies | sites, "follow: body or site", rig)

@@ -30,7 +30,8 @@ def retarget(motion: Motion, rig: Rig, *, mount: Mount | None = None, fps: float
     scaled by the length of the legs, planted feet stay where they are and the lowest sole is never below the floor.
     Joint limits and velocities hold in every frame; what is out of their reach is missed, not an error.
 
-    Raises RigError where the rig's files are wrong or it has no feet to stand on, ValueError for an unknown mount or an fps not above 0.
+    Raises RigError where the rig's files are wrong or it has no feet to stand on, ValueError for an unknown mount or an
+    fps not above 0.
     """
     mount = rig.mount if mount is None else mount
     if mount not in MOUNTS:
@@ -86,7 +87,7 @@ def _on_floor(
     for name, goal in carried.items():
         if not goal.base:
             carried[name] = replace(goal, pos=goal.pos + rise[:, None] * [0.0, 0.0, 1.0])
-    carried = pinned(carried, rest, stance, motion.fps)
+    carried = pinned(carried, rest, stance, motion.fps, rig.nominal.height)
     root_pos = root_pos + rise[:, None] * [0.0, 0.0, 1.0]
     for follow in rig.follow:
         if follow.human == ROOT:

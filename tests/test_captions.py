@@ -36,7 +36,7 @@ def test_a_tenth_is_kept_for_testing() -> None:
 
 
 def test_unknown_names_list_the_known() -> None:
-    with pytest.raises(ValueError, match="unknown content 'fly'.*walk"):
+    with pytest.raises(ValueError, match=r"unknown content 'fly'.*walk"):
         phrasings("fly")
-    with pytest.raises(ValueError, match="unknown style 'blue'.*happy"):
+    with pytest.raises(ValueError, match=r"unknown style 'blue'.*happy"):
         style_name("blue")

@@ -4,11 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from motions import skeleton, walk, wave
 
-from motiongen.features import CONTACTS, HEIGHT, PLANAR, YAW, features_to_motion, find_contacts, mirror, motion_to_features
+from motiongen.features import (
+    CONTACTS,
+    HEIGHT,
+    PLANAR,
+    YAW,
+    features_to_motion,
+    find_contacts,
+    mirror,
+    motion_to_features,
+)
 from motiongen.motion import SMPL_JOINTS, Motion
 from motiongen.rotation import quat_mul, quat_rotate, yaw_quat
-from motions import skeleton, walk, wave
 
 
 def placed(motion: Motion, yaw: float, where: tuple[float, float]) -> Motion:
@@ -16,7 +25,7 @@ def placed(motion: Motion, yaw: float, where: tuple[float, float]) -> Motion:
     turn = yaw_quat(yaw)
     quat = motion.joint_quat.copy()
     quat[:, 0] = quat_mul(turn, quat[:, 0])
-    return replace(motion, root_pos=quat_rotate(turn, motion.root_pos) + [*where, 0.0], joint_quat=quat)
+    return replace(motion, root_pos=quat_rotate(turn, motion.root_pos) + np.array([*where, 0.0]), joint_quat=quat)
 
 
 def circling() -> Motion:
@@ -66,7 +75,7 @@ def test_contacts_of_a_foot_that_slides_or_lifts() -> None:
     assert not find_contacts(slid).any()
     slow = replace(motion, root_pos=motion.root_pos + np.outer(t, [0.1, 0, 0]))
     assert find_contacts(slow).all()
-    lifted = replace(motion, root_pos=motion.root_pos + [0, 0, 0.15])
+    lifted = replace(motion, root_pos=motion.root_pos + np.array([0, 0, 0.15]))
     assert not find_contacts(lifted).any()
     assert motion_to_features(motion)[:, CONTACTS].all()
 

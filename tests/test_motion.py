@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from motions import skeleton, wave
 
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Motion, Skeleton
 from motiongen.rotation import axis_angle_to_quat, yaw_quat
-from motions import skeleton, wave
 
 
 def still(frames: int = 3) -> Motion:
@@ -69,5 +69,5 @@ def test_bad_skeletons_are_refused() -> None:
         Skeleton(("a", "b"), (-1, 1), np.zeros((2, 3)))
     with pytest.raises(ValueError, match="names"):
         Skeleton(("a", "a"), (-1, 0), np.zeros((2, 3)))
-    with pytest.raises(ValueError, match="no joint 'tail'.*pelvis"):
+    with pytest.raises(ValueError, match=r"no joint 'tail'.*pelvis"):
         Skeleton(SMPL_JOINTS, SMPL_PARENTS, np.zeros((22, 3))).index("tail")

@@ -311,7 +311,7 @@ def test_the_two_servo_head_of_the_manual_turns_as_the_human_s_does(tmp_path: Pa
     for second in (0.5, 1.0, 1.5, 2.0):
         wanted = [0.8 * np.sin(1.5 * second), 0.3 * np.sin(2 * second)]
         assert trajectory.joint_pos[shown_at(clip, trajectory, second)] == pytest.approx(wanted, abs=0.02)
-    with pytest.raises(RigError, match="'head': without feet .* only be mounted on a stand"):
+    with pytest.raises(RigError, match=r"'head': without feet .* only be mounted on a stand"):
         retarget(clip, load_rig(folder), mount="free")
 
 
