@@ -59,10 +59,13 @@ def riding_height(goals: dict[str, Goal], rest: Rest, height: Array, supported: 
 def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: float, height: float) -> dict[str, Goal]:
     """The goals with planted feet held where they are on average, sole on the floor; blended in between.
 
-    A foot in the air keeps clear of the floor, in proportion to the rig's nominal root `height` in metres.
+    While another foot bears the rig, one in the air keeps clear of the floor, in proportion to the rig's nominal root
+    `height` in metres.
     """
     out = dict(goals)
-    for foot in _grounded(goals, rest):
+    feet = _grounded(goals, rest)
+    bears = {foot: np.minimum(_away(~planted[foot]) / (FIRMING * fps), 1.0) for foot in feet}
+    for foot in feet:
         pos, quat = goals[foot].pos, goals[foot].quat
         fix = []
         for start, end in runs(planted[foot]):
@@ -72,17 +75,18 @@ def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: f
             fix.append(spot - pos[start:end])
         pos = pos + _blended(fix, planted[foot])
         swing = np.minimum(_away(planted[foot]) / (FIRMING * fps), 1.0)
-        clear = CLEARANCE * height * swing
+        borne = np.max([bears[other] for other in feet if other != foot], axis=0, initial=0.0)
+        clear = CLEARANCE * height * swing * borne
         pos[:, 2] += np.maximum(clear - _lowest(pos, quat, rest.soles[foot]), 0.0)
         out[foot] = replace(goals[foot], pos=pos, firm=1 - (1 - SWING) * swing)
     return out
 
 
-def _away(planted: Flags) -> Array:
-    """(T,) frames to the nearest contact, 0 within one."""
-    frames = np.arange(len(planted))
-    away = np.full(len(planted), np.inf)
-    for start, end in runs(planted):
+def _away(flags: Flags) -> Array:
+    """(T,) frames to the nearest one that is set, 0 where it is itself."""
+    frames = np.arange(len(flags))
+    away = np.full(len(flags), np.inf)
+    for start, end in runs(flags):
         away = np.minimum(away, np.maximum(np.maximum(start - frames, frames - end + 1), 0))
     return away
 
