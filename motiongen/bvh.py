@@ -1,217 +1,105 @@
-"""BVH in: any channel order; skeletons known by name are brought to the canonical 22 joints of SMPL.
+"""BVH in: any skeleton whose joints can be told, brought to the canonical 22.
 
-A BVH file may draw its zero pose any way it likes: in Bandai-Namco's every bone lies along ±x. The table of a skeleton
-says, joint by joint, where the file's local axes point when the person stands in a T-pose; with that the joint frames
-are turned to the canonical ones (all along the world's axes in the T-pose) and bone lengths stay as they are.
+A BVH file may draw its zero pose any way it likes: in Bandai-Namco's every bone lies along ±x. To turn a file's joint
+frames to the canonical ones (all along the world's axes in the T-pose) one must know where they point in a T-pose:
+
+1. a skeleton in `motiongen.skeletons.TABLES` says so, joint by joint;
+2. else joints are matched by name, and where the zero pose or the first frame is near a T-pose, it is taken from there,
+   legs and arms straightened;
+3. else (LAFAN1) the names give positions, and rotations are fitted to them (`motiongen.fit`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from motiongen.bvh_raw import BvhError, RawBvh, read_raw
+from motiongen.fit import motion_from_positions
+from motiongen.ground import on_floor
+from motiongen.joint_names import match_joints
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Motion, Skeleton, Source
-from motiongen.rotation import Array, axis_angle_to_quat, matrix_to_quat, quat_continuous, quat_mul, quat_to_matrix
-
-MAX_FRAMES = 1_000_000
-MAX_JOINTS = 1_000
-
-
-class BvhError(ValueError):
-    """A BVH file that cannot be read; the message names the file and what is wrong."""
-
-
-@dataclass(frozen=True)
-class RawBvh:
-    """A BVH file as written: `offsets` (J, 3) and `positions` (T, J, 3) in the file's unit, `quats` (T, J, 4) local."""
-
-    names: tuple[str, ...]
-    parents: tuple[int, ...]
-    offsets: Array
-    positions: Array
-    quats: Array
-    fps: float
-
-
-@dataclass(frozen=True)
-class SkeletonTable:
-    """How a file's skeleton maps to the canonical one.
-
-    `joints`: canonical name → name in the file; a canonical joint without one is put half-way along the bone that
-    skips it. `axes`: name in the file → three letters for where its x, y, z point in the T-pose: F(ront), B(ack),
-    L(eft), R(ight), U(p), D(own). `pitch`: radians, nose down, by which a joint's frame is turned about the left axis
-    after that. `unit`: metres per unit of the file. The file's world is y up, facing z.
-    """
-
-    joints: dict[str, str]
-    axes: dict[str, str]
-    pitch: dict[str, float]
-    unit: float
-    licence: str
-    foot_height: tuple[float, float]
-
-
-# Foot and toe pitch: the mean over planted, level feet of the data set itself, so that a flat sole is the identity.
-_FOOT_PITCH, _TOE_PITCH = 0.693, 0.400
-
-BANDAI_NAMCO = SkeletonTable(
-    joints={
-        "pelvis": "Hips", "spine1": "Spine", "spine3": "Chest", "neck": "Neck", "head": "Head",
-        "left_collar": "Shoulder_L", "left_shoulder": "UpperArm_L", "left_elbow": "LowerArm_L", "left_wrist": "Hand_L",
-        "right_collar": "Shoulder_R", "right_shoulder": "UpperArm_R", "right_elbow": "LowerArm_R",
-        "right_wrist": "Hand_R", "left_hip": "UpperLeg_L", "left_knee": "LowerLeg_L", "left_ankle": "Foot_L",
-        "left_foot": "Toes_L", "right_hip": "UpperLeg_R", "right_knee": "LowerLeg_R", "right_ankle": "Foot_R",
-        "right_foot": "Toes_R",
-    },
-    axes={
-        "Hips": "URF", "Spine": "UFL", "Chest": "UFL", "Neck": "UFL", "Head": "UFL",
-        "Shoulder_L": "LUF", "UpperArm_L": "LUF", "LowerArm_L": "LUF", "Hand_L": "LUF",
-        "Shoulder_R": "LDB", "UpperArm_R": "LDB", "LowerArm_R": "LDB", "Hand_R": "LDB",
-        "UpperLeg_L": "DLF", "LowerLeg_L": "DLF", "Foot_L": "FLU", "Toes_L": "FLU",
-        "UpperLeg_R": "ULB", "LowerLeg_R": "ULB", "Foot_R": "BLD", "Toes_R": "BLD",
-    },
-    pitch={"Foot_L": _FOOT_PITCH, "Foot_R": _FOOT_PITCH, "Toes_L": _TOE_PITCH, "Toes_R": _TOE_PITCH},
-    unit=0.01,
-    licence="CC BY-NC 4.0 (Bandai-Namco Research Motiondataset)",
-    foot_height=(0.117, 0.042),
-)  # fmt: skip
-# What `motiongen.bvh_write` writes: a T-pose whose joint frames all lie along the file's axes.
-SMPL = SkeletonTable(
-    joints={name: name for name in SMPL_JOINTS},
-    axes=dict.fromkeys(SMPL_JOINTS, "LUF"),
-    pitch={},
-    unit=0.01,
-    licence="",
-    foot_height=(0.117, 0.042),
+from motiongen.rotation import (
+    Array,
+    axis_angle_to_quat,
+    matrix_to_quat,
+    quat_continuous,
+    quat_to_matrix,
+    shortest_arc,
 )
-TABLES = {"bandai-namco": BANDAI_NAMCO, "smpl": SMPL}
+from motiongen.skeletons import TABLES, SkeletonTable
+from motiongen.smpl import SMPL_SKELETON
 
 _DIRECTIONS = {"F": (1, 0, 0), "B": (-1, 0, 0), "L": (0, 1, 0), "R": (0, -1, 0), "U": (0, 0, 1), "D": (0, 0, -1)}
-_Y_UP_TO_Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # x, y, z of ours from z, x, y
-_AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+_Y_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # x, y, z of ours from z, x, y
+_UNITS = {"metres": 1.0, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001}
+_LEG_M = (0.5, 1.2)  # what thigh and shin of a person measure together, from child to giant
+# Bones that a T-pose draws straight: canonical joint → where the bone to the next joint points.
+_STRAIGHT = {"hip": "D", "knee": "D", "shoulder": "L", "elbow": "L"}
+_NEXT = {"hip": "knee", "knee": "ankle", "shoulder": "elbow", "elbow": "wrist"}
+_SHOWN = 40  # names of the file in an error
+_NEAR = np.cos(np.radians(60))  # an A-pose with arms 45° down still counts
 
 
 def read_bvh(path: str | Path) -> Motion:
-    """Read a BVH file whose skeleton is known and return it on the canonical 22 joints, in metres, z up.
+    """Read a BVH file and return it on the canonical 22 joints, in metres, z up.
 
     Raises BvhError where the file is not BVH, is cut short, holds NaN, zero frames or a frame time that is not above
-    0, or has a skeleton that is not in `TABLES`; OSError where it cannot be opened.
+    0, or where a needed joint cannot be told by its name (the message lists them); OSError where it cannot be opened.
     """
     raw = read_raw(path)
-    for table in TABLES.values():
-        if set(table.joints.values()) <= set(raw.names):
-            return _canonical(raw, table, Path(path))
-    known = "; ".join(f"{name} ({', '.join(t.joints.values())})" for name, t in TABLES.items())
-    raise BvhError(f"{path}: unknown skeleton ({', '.join(raw.names[:6])}, …); known are {known}")
-
-
-def read_raw(path: str | Path) -> RawBvh:
-    """Read a BVH file as it is: names, offsets, positions and local rotations in the file's own frames and unit.
-
-    Raises BvhError and OSError as `read_bvh` does.
-    """
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise BvhError(f"{path}: not a BVH file (not text: byte {error.start})") from None
-    head, found, tail = text.partition("MOTION")
-    if not found or not head.lstrip().startswith("HIERARCHY"):
-        raise BvhError(f"{path}: not a BVH file (no HIERARCHY and MOTION)")
-    names, parents, offsets, channels = _hierarchy(head, path)
-    frame_time, values = _motion(tail, sum(map(len, channels)), path)
-    positions, quats = _unpack(values, offsets, channels)
-    return RawBvh(names, parents, offsets, positions, quats, 1.0 / frame_time)
-
-
-def _hierarchy(head: str, path: str | Path) -> tuple[tuple[str, ...], tuple[int, ...], Array, list[list[str]]]:
-    names: list[str] = []
-    parents: list[int] = []
-    offsets: list[list[float]] = []
-    channels: list[list[str]] = []
-    stack: list[int] = []  # -1 stands for an end site
-    current = -1
-    words = iter(head.split())
-    next(words)
-    try:
-        for word in words:
-            if word in ("ROOT", "JOINT"):
-                names.append(next(words))
-                parents.append(stack[-1] if stack else -1)
-                offsets.append([0.0, 0.0, 0.0])
-                channels.append([])
-                current = len(names) - 1
-                if len(names) > MAX_JOINTS:
-                    raise BvhError(f"{path}: more than {MAX_JOINTS} joints")
-            elif word == "End":
-                next(words)
-                current = -1
-            elif word == "{":
-                stack.append(current)
-            elif word == "}":
-                stack.pop()
-            elif word == "OFFSET":
-                offset = [float(next(words)) for _ in range(3)]
-                if stack[-1] >= 0:
-                    offsets[stack[-1]] = offset
-            elif word == "CHANNELS":
-                channels[stack[-1]] = [next(words) for _ in range(int(next(words)))]
-            else:
-                raise BvhError(f"{path}: {word!r} in the hierarchy, expected ROOT, JOINT, End, OFFSET or CHANNELS")
-    except (StopIteration, IndexError, ValueError) as error:
-        if isinstance(error, BvhError):
-            raise
-        raise BvhError(f"{path}: the hierarchy is cut short or malformed") from None
-    if not names or stack or len(set(names)) != len(names) or parents.count(-1) != 1:
-        raise BvhError(f"{path}: the hierarchy must be one tree of named joints with matching braces")
-    for channel in (c for each in channels for c in each):
-        if channel[1:] not in ("position", "rotation") or channel[0] not in _AXES:
-            raise BvhError(f"{path}: unknown channel {channel!r}, expected Xposition … Zrotation")
-    return tuple(names), tuple(parents), np.array(offsets), channels
-
-
-def _motion(tail: str, width: int, path: str | Path) -> tuple[float, Array]:
-    words = tail.split(maxsplit=5)  # Frames: N Frame Time: dt values
-    if len(words) < 5 or words[0] != "Frames:" or words[2:4] != ["Frame", "Time:"]:
-        raise BvhError(f"{path}: MOTION must be followed by 'Frames: N' and 'Frame Time: seconds'")
-    try:
-        frames, frame_time = int(words[1]), float(words[4])
-    except ValueError:
-        raise BvhError(f"{path}: frames {words[1]!r} and frame time {words[4]!r} must be numbers") from None
-    if not 0 < frames <= MAX_FRAMES:
-        raise BvhError(f"{path}: {frames} frames, expected 1 to {MAX_FRAMES}")
-    if not (np.isfinite(frame_time) and frame_time > 0):
-        raise BvhError(f"{path}: frame time {words[4]} must be above 0 seconds")
-    body = words[5].split() if len(words) > 5 else []
-    if len(body) != frames * width:
-        raise BvhError(f"{path}: {len(body)} values, but {frames} frames of {width} channels need {frames * width}")
-    try:
-        values = np.array(body, dtype=float).reshape(frames, width)
+        return canonical(raw, f"file {Path(path).name}")
     except ValueError as error:
         raise BvhError(f"{path}: {error}") from None
-    if not np.isfinite(values).all():
-        raise BvhError(f"{path}: frame {int(np.argmin(np.isfinite(values).all(1)))} holds NaN or infinity")
-    return frame_time, values
 
 
-def _unpack(values: Array, offsets: Array, channels: list[list[str]]) -> tuple[Array, Array]:
-    positions = np.repeat(offsets[None], len(values), axis=0)
-    quats = np.zeros((len(values), len(channels), 4))
-    quats[..., 0] = 1.0
-    column = 0
-    for j, names in enumerate(channels):
-        for name in names:
-            if name.endswith("position"):
-                positions[:, j, "XYZ".index(name[0])] = values[:, column]
-            else:
-                turn = axis_angle_to_quat(_AXES[name[0]], np.radians(values[:, column]))
-                quats[:, j] = quat_mul(quats[:, j], turn)
-            column += 1
-    return positions, quats
+def canonical(raw: RawBvh, name: str) -> Motion:
+    """The motion in `raw`, in metres, z up; `name` becomes its source.
+
+    Raises ValueError where a needed joint finds no match or the figure's size fits no unit.
+    """
+    turn, where = forward(raw)
+    for table in TABLES.values():
+        if set(table.joints.values()) <= set(raw.names):
+            motion = _from_frames(raw, table.joints, _table_rest(table), _Y_UP, table.unit, turn, where)
+            motion = _described(motion, table.foot_height, name, table.licence)
+            return motion if table.floor else on_floor(motion)
+    joints, missing = match_joints(raw.names, raw.parents)
+    if missing:
+        some = ", ".join(raw.names[:_SHOWN]) + (", …" if len(raw.names) > _SHOWN else "")
+        raise ValueError(f"unknown skeleton: no joint by name for {', '.join(missing)} among {some}")
+    at = {joint: raw.names.index(n) for joint, n in joints.items()}
+    world = _world_axes(where, at)
+    unit_name, unit = _unit(where, at)
+    heights = SMPL_SKELETON.foot_height
+    source = f"{name} (joints by name, {unit_name})"
+    rest = _pose_rest(raw, turn, where, at)
+    if rest is not None:
+        return on_floor(_described(_from_frames(raw, joints, rest, world, unit, turn, where), heights, source))
+    places = _filled(where @ world.T * unit, at)
+    return on_floor(motion_from_positions(places, raw.fps, Source(f"{source}; rotations fitted")))
 
 
-def _rest_frames(table: SkeletonTable) -> dict[str, Array]:
+def forward(raw: RawBvh) -> tuple[Array, Array]:
+    """World rotations (T, J, 3, 3) and positions (T, J, 3) in the file's frame and unit."""
+    local = quat_to_matrix(raw.quats)
+    turn, where = local.copy(), raw.positions.copy()
+    for j, parent in enumerate(raw.parents):
+        if parent >= 0:
+            turn[:, j] = turn[:, parent] @ local[:, j]
+            where[:, j] = where[:, parent] + np.einsum("tij,tj->ti", turn[:, parent], raw.positions[:, j])
+    return turn, where
+
+
+def _described(motion: Motion, heights: tuple[float, float], name: str, licence: str = "") -> Motion:
+    skeleton = Skeleton(motion.skeleton.names, motion.skeleton.parents, motion.skeleton.offsets, heights)
+    return Motion(motion.root_pos, motion.joint_quat, motion.fps, skeleton, source=Source(name, licence=licence))
+
+
+def _table_rest(table: SkeletonTable) -> dict[str, Array]:
     """Matrix (3, 3) by file name, whose columns are the joint's local axes in canonical coordinates in the T-pose."""
     frames = {}
     for name, letters in table.axes.items():
@@ -221,47 +109,104 @@ def _rest_frames(table: SkeletonTable) -> dict[str, Array]:
     return frames
 
 
-def _canonical(raw: RawBvh, table: SkeletonTable, path: Path) -> Motion:
-    rest = _rest_frames(table)
-    turn, where = _forward(raw)
+def _from_frames(
+    raw: RawBvh, joints: dict[str, str], rest: dict[str, Array], world: Array, unit: float, turn: Array, where: Array
+) -> Motion:
+    """The motion, given each joint's axes in the T-pose (`rest`) and the file's world axes in ours (`world`).
+
+    A canonical joint without one in the file turns with its parent and shares the bone that skips it.
+    """
     turns: dict[str, Array] = {}
     offsets = np.zeros((len(SMPL_JOINTS), 3))
     for j, name in enumerate(SMPL_JOINTS):
-        if name in table.joints:
-            file_name = table.joints[name]
-            turns[name] = _Y_UP_TO_Z_UP @ turn[:, raw.names.index(file_name)] @ rest[file_name].T
-            if j:
-                parent = _nearest_mapped(SMPL_PARENTS[j], table)
-                bone = raw.positions[:, raw.names.index(file_name)].mean(axis=0) * table.unit
-                offsets[j] = rest[table.joints[parent]] @ bone
-    for j, name in enumerate(SMPL_JOINTS):
-        if name not in table.joints:
-            child = SMPL_PARENTS.index(j)
-            offsets[j] = offsets[child] = offsets[child] / 2
+        if name not in joints:
             turns[name] = turns[SMPL_JOINTS[SMPL_PARENTS[j]]]
+            continue
+        here = raw.names.index(joints[name])
+        turns[name] = world @ turn[:, here] @ rest[joints[name]].T
+        if j:
+            skipped = _skipped(j, joints)
+            above = SMPL_JOINTS[SMPL_PARENTS[skipped[0]]]
+            bone = (where[:, here] - where[:, raw.names.index(joints[above])]) @ world.T * unit
+            offsets[skipped] = np.einsum("tji,tj->ti", turns[above], bone).mean(0) / len(skipped)
     matrices = np.stack([turns[n] for n in SMPL_JOINTS], axis=1)
     local = matrices.copy()
-    for j, above in enumerate(SMPL_PARENTS):
-        if above >= 0:
-            local[:, j] = np.swapaxes(matrices[:, above], -1, -2) @ matrices[:, j]
-    root = where[:, raw.names.index(table.joints["pelvis"])] @ _Y_UP_TO_Z_UP.T * table.unit
-    skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, offsets, table.foot_height)
-    quat = quat_continuous(matrix_to_quat(local))
-    return Motion(root, quat, raw.fps, skeleton, source=Source(f"file {path.name}", licence=table.licence))
+    for j, parent in enumerate(SMPL_PARENTS[1:], start=1):
+        local[:, j] = np.swapaxes(matrices[:, parent], -1, -2) @ matrices[:, j]
+    root = where[:, raw.names.index(joints["pelvis"])] @ world.T * unit
+    skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, offsets)
+    return Motion(root, quat_continuous(matrix_to_quat(local)), raw.fps, skeleton)
 
 
-def _nearest_mapped(joint: int, table: SkeletonTable) -> str:
-    while SMPL_JOINTS[joint] not in table.joints:
-        joint = SMPL_PARENTS[joint]
-    return SMPL_JOINTS[joint]
+def _skipped(joint: int, joints: dict[str, str]) -> list[int]:
+    """`joint` and the canonical joints above it that the file lacks, the highest first."""
+    chain = [joint]
+    while SMPL_JOINTS[SMPL_PARENTS[chain[0]]] not in joints:
+        chain.insert(0, SMPL_PARENTS[chain[0]])
+    return chain
 
 
-def _forward(raw: RawBvh) -> tuple[Array, Array]:
-    """World rotations (T, J, 3, 3) and positions (T, J, 3) in the file's frame and unit."""
-    local = quat_to_matrix(raw.quats)
-    turn, where = local.copy(), raw.positions.copy()
-    for j, parent in enumerate(raw.parents):
-        if parent >= 0:
-            turn[:, j] = turn[:, parent] @ local[:, j]
-            where[:, j] = where[:, parent] + np.einsum("tij,tj->ti", turn[:, parent], raw.positions[:, j])
-    return turn, where
+def _filled(places: Array, at: dict[str, int]) -> Array:
+    """Positions (T, 22, 3), joints that the file lacks spread evenly along the bone that skips them."""
+    joints = dict.fromkeys(at, "")
+    out = np.zeros((len(places), len(SMPL_JOINTS), 3))
+    for j, name in enumerate(SMPL_JOINTS):
+        if name in at:
+            out[:, j] = places[:, at[name]]
+            chain = _skipped(j, joints) if j else []
+            for k, missing in enumerate(chain[:-1], start=1):
+                start = out[:, SMPL_PARENTS[chain[0]]]
+                out[:, missing] = start + (out[:, j] - start) * k / len(chain)
+    return out
+
+
+def _world_axes(where: Array, at: dict[str, int]) -> Array:
+    """Ours out of the file's axes: y or z is up, whichever the trunk follows over the clip; y up is BVH's habit."""
+    trunk = np.abs((where[:, at["neck"]] - where[:, at["pelvis"]]).mean(0))
+    return np.eye(3) if trunk[2] > trunk[1] else _Y_UP
+
+
+def _unit(where: Array, at: dict[str, int]) -> tuple[str, float]:
+    leg = sum(
+        np.linalg.norm(where[:, at[f"left_{a}"]] - where[:, at[f"left_{b}"]], axis=-1).mean()
+        for a, b in (("hip", "knee"), ("knee", "ankle"))
+    )
+    for name, metres in _UNITS.items():
+        if _LEG_M[0] <= leg * metres <= _LEG_M[1]:
+            return name, metres
+    raise ValueError(f"a leg of {leg:.4g} is no person's in {', '.join(_UNITS)}")
+
+
+def _pose_rest(raw: RawBvh, turn: Array, where: Array, at: dict[str, int]) -> dict[str, Array] | None:
+    """Joint axes in the T-pose, by file name, from the zero pose or else the first frame; None where none is near."""
+    unturned = np.tile([1.0, 0.0, 0.0, 0.0], (1, len(raw.names), 1))
+    zero = replace(raw, positions=raw.offsets[None], quats=unturned)
+    for turns, places in (forward(zero), (turn[:1], where[:1])):
+        found = _straightened(turns[0], places[0], at)
+        if found is not None:
+            return {raw.names[at[joint]]: axes for joint, axes in found.items()}
+    return None
+
+
+def _straightened(turns: Array, places: Array, at: dict[str, int]) -> dict[str, Array] | None:
+    """Axes (3, 3) by canonical joint in a pose that is near a T-pose, made exactly one; None where it is not near."""
+    left = places[at["left_hip"]] - places[at["right_hip"]]
+    up = places[at["neck"]] - places[at["pelvis"]]
+    up = np.eye(3)[np.abs(up).argmax()] * np.sign(up[np.abs(up).argmax()])
+    left = left - up * (left @ up)
+    if np.linalg.norm(left) < 1e-6 * np.abs(places).max():
+        return None
+    left = left / np.linalg.norm(left)
+    body = np.stack([np.cross(left, up), left, up])
+    out = {joint: body @ turns[j] for joint, j in at.items()}
+    for joint in at:
+        side, _, part = joint.partition("_")
+        if part in _STRAIGHT:
+            letter = _STRAIGHT[part]
+            want = np.array(_DIRECTIONS["R" if (side, letter) == ("right", "L") else letter], float)
+            bone = body @ (places[at[f"{side}_{_NEXT[part]}"]] - places[at[joint]])
+            bone = bone / max(np.linalg.norm(bone), 1e-12)
+            if bone @ want < _NEAR:
+                return None
+            out[joint] = quat_to_matrix(shortest_arc(bone, want)) @ out[joint]
+    return out

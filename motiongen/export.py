@@ -13,9 +13,9 @@ import numpy as np
 from safetensors.numpy import load_file
 
 from motiongen import corpus as corpora
-from motiongen.bvh import BANDAI_NAMCO
 from motiongen.captions import CONTENTS, STYLES, kept_for_testing
 from motiongen.features import FPS
+from motiongen.skeletons import BANDAI_NAMCO
 from motiongen.text import TextEncoder
 from motiongen.train import statistics
 from motiongen.weights import Bank, Weights, load_weights, save_weights

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +17,7 @@ from numpy.lib.npyio import NpzFile
 from motiongen.motion import Label, Motion, Skeleton, Source
 
 VERSION = 1
+MAX_BYTES = 1 << 30  # unpacked; an archive that promises more is refused before anything is unpacked
 
 
 class FileError(ValueError):
@@ -50,25 +51,52 @@ def write_npz(path: str | Path, kind: str, arrays: Mapping[str, Any]) -> None:
         np.savez_compressed(file, allow_pickle=False, kind=kind, version=VERSION, **arrays)
 
 
+def npz_names(path: str | Path) -> tuple[str, ...]:
+    """Names of the arrays in an `.npz`, none of which is read. Raises FileError and OSError as `load_arrays` does."""
+    with _opened(path) as archive:
+        return tuple(archive.files)
+
+
+def load_arrays(path: str | Path, wanted: Collection[str] | None = None) -> dict[str, Any]:
+    """Arrays of an `.npz` by name, only the `wanted` ones where given; nothing in it is unpickled.
+
+    Raises FileError where it is no `.npz`, damaged, over 1 GiB unpacked or holds objects; OSError where it cannot be
+    opened.
+    """
+    with _opened(path) as archive:
+        return {name: np.asarray(archive[name]) for name in archive.files if wanted is None or name in wanted}
+
+
 def read_npz(path: str | Path) -> tuple[str, dict[str, Any]]:
     """Read an `.npz` of ours: its kind and its arrays by name.
 
     Raises FileError where it is no `.npz`, damaged, foreign or of another version; OSError where it cannot be opened.
     """
-    with Path(path).open("rb") as file:
-        try:
-            archive = np.load(file, allow_pickle=False)
-            arrays = {name: archive[name] for name in archive.files} if isinstance(archive, NpzFile) else None
-        except Exception:  # numpy and zipfile raise anything, SyntaxError included, on a damaged header
-            raise FileError(f"{path}: not an .npz file, or damaged") from None
-    if arrays is None:
-        raise FileError(f"{path}: a bare .npy array, expected an .npz file written by rigcast")
+    arrays = load_arrays(path)
     kind, version = arrays.pop("kind", None), arrays.pop("version", None)
     if kind is None or version is None or kind.shape or version.shape or version.dtype.kind not in "iu":
         raise FileError(f"{path}: not written by rigcast (no kind and version in it: {', '.join(arrays) or 'empty'})")
     if int(version) != VERSION:
         raise FileError(f"{path}: format version {int(version)}, this rigcast reads version {VERSION}")
     return str(kind), arrays
+
+
+@contextmanager
+def _opened(path: str | Path) -> Iterator[NpzFile]:
+    """The archive, its size checked; whatever goes wrong in reading it becomes one line."""
+    with Path(path).open("rb") as file:
+        try:
+            archive = np.load(file, allow_pickle=False)
+            if not isinstance(archive, NpzFile):
+                raise FileError(f"{path}: a bare .npy array, expected an .npz file")
+            size = sum(entry.file_size for entry in archive.zip.infolist()) if archive.zip else 0
+            if size > MAX_BYTES:
+                raise FileError(f"{path}: {size} bytes unpacked, expected at most {MAX_BYTES}")
+            yield archive
+        except FileError:
+            raise
+        except Exception:  # numpy and zipfile raise anything, SyntaxError included, on a damaged header
+            raise FileError(f"{path}: not an .npz file, damaged, or holding objects") from None
 
 
 def read_kind(path: str | Path, kind: str) -> dict[str, Any]:

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from motiongen.bvh import BANDAI_NAMCO
 from motiongen.diffusion import SAMPLERS, Denoiser, guide
 from motiongen.features import FPS, HEIGHT, features_to_motion
 from motiongen.generator import Familiarity, check_prompt
 from motiongen.mdm_run import denoise
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from motiongen.nn import Floats
+from motiongen.skeletons import BANDAI_NAMCO
 from motiongen.text import TextEncoder
 from motiongen.weights import FOLDER, load_weights, nearest
 

@@ -155,3 +155,14 @@ def slerp(a: ArrayLike, b: ArrayLike, u: ArrayLike) -> Array:
     a = np.asarray(a, float)
     step = quat_to_rotvec(quat_mul(quat_conj(a), b))
     return quat_mul(a, rotvec_to_quat(step * np.asarray(u, float)[..., None]))
+
+
+def shortest_arc(a: ArrayLike, b: ArrayLike) -> Array:
+    """Rotation (..., 4) that takes unit vectors `a` to `b` (..., 3); opposite ones turn about any axis across `a`."""
+    a, b = np.broadcast_arrays(np.asarray(a, float), np.asarray(b, float))
+    q = np.concatenate([1 + np.sum(a * b, axis=-1, keepdims=True), np.cross(a, b)], axis=-1)
+    opposite = q[..., 0] < 1e-9
+    if opposite.any():
+        across = np.eye(3)[np.abs(a[opposite]).argmin(-1)]
+        q[opposite] = np.concatenate([np.zeros((opposite.sum(), 1)), np.cross(a[opposite], across)], axis=1)
+    return quat_normalize(q)

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from motiongen.bvh import BANDAI_NAMCO, BvhError, read_bvh, read_raw
+from motiongen.bvh import read_bvh
+from motiongen.bvh_raw import BvhError, read_raw
 from motiongen.motion import SMPL_JOINTS
+from motiongen.skeletons import BANDAI_NAMCO
 
 TINY = """HIERARCHY
 ROOT hip
