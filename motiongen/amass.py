@@ -42,7 +42,8 @@ def read_amass(path: str | Path) -> Motion:
     arrays = load_arrays(path, wanted=("poses", "trans", *RATES))
     try:
         poses, trans, fps = _checked(arrays)
-        local = rotvec_to_quat(poses[:, : 3 * len(SMPL_JOINTS)].reshape(len(poses), -1, 3)[..., _TO_OURS])
+        body = poses[:, : 3 * len(SMPL_JOINTS)].reshape(len(poses), len(SMPL_JOINTS), 3)
+        local = rotvec_to_quat(body[..., _TO_OURS])
         root = rotvec_to_quat(poses[:, :3])
         local[:, 0] = quat_mul(root, _OURS_IN_SMPL)
         draft = Motion(trans, quat_continuous(local), fps, SMPL_SKELETON, source=Source(f"file {Path(path).name}"))

@@ -9,7 +9,7 @@ from motiongen.motion import SMPL_JOINTS
 
 _PREFIXES = {"bip", "cc", "base", "mixamorig", "def", "org", "b", "jnt", "joint", "character"}
 _SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
-# First come, first served: a name taken as a shoulder is no longer there to be taken as a collar.
+# First come, first served: a name taken as a shoulder is no longer there to be taken as a collar, nor a foot as toes.
 _PARTS = {
     "head": ("head",),
     "neck": ("neck", "neck1", "neck01", "necktwist01"),
@@ -20,8 +20,8 @@ _PARTS = {
     "left_wrist": ("hand", "wrist"),
     "left_hip": ("upleg", "upperleg", "thigh", "femur", "hip", "leg"),
     "left_knee": ("leg", "lowerleg", "lowleg", "calf", "shin", "tibia", "knee"),
-    "left_ankle": ("foot", "ankle"),
-    "left_foot": ("toebase", "toes", "toe", "toe0", "ball"),
+    "left_ankle": ("ankle", "foot"),
+    "left_foot": ("toebase", "toes", "toe", "toe0", "ball", "foot"),
 }
 OPTIONAL = ("spine1", "spine2", "left_collar", "right_collar")
 

@@ -7,23 +7,35 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from retarget.rig import Mount
+from retarget.robot_csv import Style
 from rigcast import show
 from rigcast.play import rig_for
 from rigcast.times import Times
 
 
-def check(file: Positional[Path], /, *, rig: str | None = None, mount: Mount | None = None, json: bool = False) -> int:
+def check(
+    file: Positional[Path],
+    /,
+    *,
+    rig: str | None = None,
+    mount: Mount | None = None,
+    style: Style = "ours",
+    fps: float | None = None,
+    json: bool = False,
+) -> int:
     """Put FILE through physics and print the report; exit 0 where it passes, 1 where it fails, 2 where unreadable.
 
     Args:
-        file: A .bvh, or an .npz that rigcast wrote (motion or trajectory).
+        file: .bvh, .npz (rigcast's or AMASS), .npy (HumanML3D) or .csv (a rig's joints); see docs/files.md.
         rig: Name of a rig or path of its folder; by default the rig of the trajectory, or puppet.
         mount: How the base is held; by default as the rig says.
+        style: Whose .csv it is: ours has a header, the others only numbers.
+        fps: Frames a second of a .csv without a time column, where its style does not fix them.
         json: Print one JSON document instead of a table.
     """
     from rigcast.pipeline import read, take
 
-    what = read(file)
+    what = read(file, rig, style, fps)
     taken = take(what, rig_for(what, rig), mount, Times())
     if json:
         show.print_json(show.take_dict(taken))

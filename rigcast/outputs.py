@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from motiongen.motion import Motion
+from retarget.robot_csv import Style
 from rigcast.pipeline import Take
 
 
@@ -36,7 +37,7 @@ def require_writable(paths: Iterable[Path], *, has_motion: bool) -> None:
 
 def suffix_of(path: Path) -> str:
     """The suffix that decides what is written; raises OutputError that lists them."""
-    for suffix in WRITERS:  # `.motion.npz` comes before `.npz`
+    for suffix in WRITERS:  # the longer before the shorter
         if path.name.endswith(suffix) and path.name != suffix:
             return suffix
     raise OutputError(f"{path}: unknown suffix; known are {', '.join(WRITERS)}")
@@ -71,10 +72,25 @@ def _trajectory_npz(take: Take, path: Path) -> None:
     save_trajectory(take.trajectory, path)
 
 
-def _csv(take: Take, path: Path) -> None:
-    from retarget.files import write_csv
+def _amass(take: Take, path: Path) -> None:
+    from motiongen.amass import write_amass
 
-    write_csv(take.trajectory, path)
+    write_amass(_motion(take), path)
+
+
+def _humanml(take: Take, path: Path) -> None:
+    from motiongen.humanml_files import write_humanml
+
+    write_humanml(_motion(take), path)
+
+
+def _csv(style: Style) -> Callable[[Take, Path], None]:
+    def write_styled(take: Take, path: Path) -> None:
+        from retarget.robot_csv import write_robot_csv
+
+        write_robot_csv(take.trajectory, path, style)
+
+    return write_styled
 
 
 def _report_json(take: Take, path: Path) -> None:
@@ -104,12 +120,17 @@ def _title(take: Take) -> str:
 
 WRITERS: dict[str, Callable[[Take, Path], None]] = {
     ".motion.npz": _motion_npz,
+    ".amass.npz": _amass,
     ".npz": _trajectory_npz,
     ".bvh": _bvh,
-    ".csv": _csv,
+    ".npy": _humanml,
+    ".unitree.csv": _csv("unitree"),
+    ".kimodo.csv": _csv("kimodo"),
+    ".gmr.csv": _csv("gmr"),
+    ".csv": _csv("ours"),
     ".json": _report_json,
     ".mp4": _video,
     ".gif": _video,
     ".png": _sheet,
 }
-FROM_MOTION = (".motion.npz", ".bvh")
+FROM_MOTION = (".motion.npz", ".amass.npz", ".bvh", ".npy")

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from motiongen.files import FileError, motion_from_arrays, read_npz
+from motiongen.files import FileError, motion_from_arrays, npz_names, read_npz
 from motiongen.motion import Motion
 from retarget.files import trajectory_from_arrays
-from retarget.rig import Mount, Rig
+from retarget.rig import Mount, Rig, load_rig
+from retarget.robot_csv import Style, read_robot_csv
 from retarget.trajectory import Trajectory
 from rigcast.times import Times
 from sim.report import Report
@@ -17,7 +18,8 @@ from sim.report import Report
 if TYPE_CHECKING:
     from sim.simulate import Rollout
 
-READABLE = (".bvh", ".npz")
+READABLE = (".bvh", ".npz", ".npy", ".csv")
+DEFAULT_RIG = "puppet"
 
 
 @dataclass(frozen=True)
@@ -31,19 +33,37 @@ class Take:
     rig: Rig
 
 
-def read(path: Path) -> Motion | Trajectory:
-    """What is in a `.bvh` or one of our `.npz` files.
+def read(path: Path, rig: str | None = None, style: Style = "ours", fps: float | None = None) -> Motion | Trajectory:
+    """What is in a file of human motion or of a rig's trajectory, by its suffix and, where that says little, content.
 
-    Raises FileError or BvhError (both ValueError) where it cannot be understood, OSError where it cannot be opened.
+    `rig`, `style` and `fps` are for `.csv`, which says little of its own. Raises FileError or BvhError (both
+    ValueError) where it cannot be understood, RigError for an unknown rig, OSError where it cannot be opened.
     """
+    if path.suffix not in READABLE:
+        raise FileError(
+            f"{path}: cannot read {path.suffix or 'a file without suffix'}; known are {', '.join(READABLE)}"
+        )
+    if path.suffix != ".csv" and (style != "ours" or fps is not None):
+        raise FileError(f"{path}: --style and --fps are for .csv files")
     if path.suffix == ".bvh":
         from motiongen.bvh import read_bvh
 
         return read_bvh(path)
-    if path.suffix != ".npz":
-        raise FileError(
-            f"{path}: cannot read {path.suffix or 'a file without suffix'}; known are {', '.join(READABLE)}"
-        )
+    if path.suffix == ".npy":
+        from motiongen.humanml_files import read_humanml
+
+        return read_humanml(path)
+    if path.suffix == ".csv":
+        body = load_rig(rig or DEFAULT_RIG)
+        return read_robot_csv(path, style, body.name, body.joint_names(), fps)
+    return _read_npz(path)
+
+
+def _read_npz(path: Path) -> Motion | Trajectory:
+    from motiongen.amass import is_amass, read_amass
+
+    if is_amass(npz_names(path)):
+        return read_amass(path)
     kind, arrays = read_npz(path)
     if kind == "motion":
         return motion_from_arrays(arrays, path)

@@ -8,11 +8,11 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from retarget.rig import Mount, Rig, load_rig
+from retarget.robot_csv import Style
 from retarget.trajectory import Trajectory
 from rigcast.delivery import Delivery, deliver, require
+from rigcast.pipeline import DEFAULT_RIG, read, take
 from rigcast.times import Times
-
-DEFAULT_RIG = "puppet"
 
 
 def play(
@@ -21,20 +21,22 @@ def play(
     *,
     rig: str | None = None,
     mount: Mount | None = None,
+    style: Style = "ours",
+    fps: float | None = None,
     delivery: Annotated[Delivery, arg(name="")] = Delivery(),  # noqa: B008
 ) -> int:
     """Retarget what is in FILE where it is human motion, check it in physics, then write, stream or show it.
 
     Args:
-        file: A .bvh, or an .npz that rigcast wrote (motion or trajectory).
+        file: .bvh, .npz (rigcast's or AMASS), .npy (HumanML3D) or .csv (a rig's joints); see docs/files.md.
         rig: Name of a rig or path of its folder; by default the rig of the trajectory, or puppet.
         mount: How the base is held; by default as the rig says.
+        style: Whose .csv it is: ours has a header, the others only numbers.
+        fps: Frames a second of a .csv without a time column, where its style does not fix them.
     """
-    from rigcast.pipeline import read, take
-
     times = Times()
     with times.stage("read"):
-        what = read(file)
+        what = read(file, rig, style, fps)
     require(delivery, has_motion=not isinstance(what, Trajectory))
     return deliver(take(what, rig_for(what, rig), mount, times), delivery, times, {"file": str(file)})
 

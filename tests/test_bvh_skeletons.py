@@ -1,0 +1,323 @@
+"""BVH files with other people's skeletons: joints found by name, rest poses, round trips, an independent reader."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import motions
+import numpy as np
+import pytest
+
+from motiongen.bvh import canonical, forward, read_bvh
+from motiongen.bvh_raw import BvhError, RawBvh, read_raw
+from motiongen.bvh_write import write_bvh
+from motiongen.joint_names import match_joints
+from motiongen.motion import SMPL_JOINTS, Motion
+from motiongen.rotation import axis_angle_to_quat, quat_conj, quat_mul, quat_rotate, quat_to_rotvec, rotvec_to_quat
+
+CLIPS = Path(os.environ.get("RIGCAST_MOTION_DATA", ""))
+real = pytest.mark.skipif(
+    "RIGCAST_MOTION_DATA" not in os.environ, reason="RIGCAST_MOTION_DATA names no folder of clips"
+)
+
+# Names in the order of SMPL_JOINTS; "" where a skeleton has no such joint.
+MIXAMO = [
+    "Hips",
+    "LeftUpLeg",
+    "RightUpLeg",
+    "Spine",
+    "LeftLeg",
+    "RightLeg",
+    "Spine1",
+    "LeftFoot",
+    "RightFoot",
+    "Spine2",
+    "LeftToeBase",
+    "RightToeBase",
+    "Neck",
+    "LeftShoulder",
+    "RightShoulder",
+    "Head",
+    "LeftArm",
+    "RightArm",
+    "LeftForeArm",
+    "RightForeArm",
+    "LeftHand",
+    "RightHand",
+]
+UNREAL = [
+    "pelvis",
+    "thigh_l",
+    "thigh_r",
+    "spine_01",
+    "calf_l",
+    "calf_r",
+    "spine_02",
+    "foot_l",
+    "foot_r",
+    "spine_03",
+    "ball_l",
+    "ball_r",
+    "neck_01",
+    "clavicle_l",
+    "clavicle_r",
+    "head",
+    "upperarm_l",
+    "upperarm_r",
+    "lowerarm_l",
+    "lowerarm_r",
+    "hand_l",
+    "hand_r",
+]
+BIPED = [
+    f"Bip01 {n}"
+    for n in [
+        "Pelvis",
+        "L Thigh",
+        "R Thigh",
+        "Spine",
+        "L Calf",
+        "R Calf",
+        "Spine1",
+        "L Foot",
+        "R Foot",
+        "Spine2",
+        "L Toe0",
+        "R Toe0",
+        "Neck",
+        "L Clavicle",
+        "R Clavicle",
+        "Head",
+        "L UpperArm",
+        "R UpperArm",
+        "L Forearm",
+        "R Forearm",
+        "L Hand",
+        "R Hand",
+    ]
+]
+SOMA = [
+    "Hips",
+    "LeftLeg",
+    "RightLeg",
+    "Spine1",
+    "LeftShin",
+    "RightShin",
+    "Spine2",
+    "LeftFoot",
+    "RightFoot",
+    "Chest",
+    "LeftToeBase",
+    "RightToeBase",
+    "Neck1",
+    "LeftShoulder",
+    "RightShoulder",
+    "Head",
+    "LeftArm",
+    "RightArm",
+    "LeftForeArm",
+    "RightForeArm",
+    "LeftHand",
+    "RightHand",
+]
+STYLES = {
+    "mixamo": [f"mixamorig:{n}" for n in MIXAMO],
+    "mixamo, no colon": [f"mixamorig{n}" for n in MIXAMO],
+    "lafan1": [n.replace("ToeBase", "Toe") for n in MIXAMO],
+    "unreal": UNREAL,
+    "upper case": [n.upper() for n in UNREAL],
+    "biped": BIPED,
+    "soma": SOMA,
+    "ours": list(SMPL_JOINTS),
+}
+
+
+def written(tmp_path: Path, motion: Motion, names: list[str]) -> RawBvh:
+    """What a file of `motion` with these names holds."""
+    write_bvh(motion, tmp_path / "m.bvh")
+    raw = read_raw(tmp_path / "m.bvh")
+    return replace(raw, names=tuple(names[SMPL_JOINTS.index(n)] for n in raw.names))
+
+
+def lifted(a: Motion, b: Motion) -> np.ndarray:
+    """Positions of `a` less those of `b`, less what may differ: the height of the whole clip."""
+    apart = a.positions() - b.positions()
+    return apart - apart[:1, :1] * [0, 0, 1]
+
+
+def tilt(a: Motion, b: Motion) -> np.ndarray:
+    """Angle (T, J) in radians between world orientations."""
+    return np.linalg.norm(quat_to_rotvec(quat_mul(quat_conj(a.global_quat()), b.global_quat())), axis=-1)
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_names_are_told_whatever_the_style(style: str) -> None:
+    names = STYLES[style]
+    raw = motions.skeleton()
+    found, missing = match_joints(names, raw.parents)
+    assert missing == ()
+    assert [found[joint] for joint in SMPL_JOINTS] == names
+
+
+def test_what_found_no_match_is_listed(tmp_path: Path) -> None:
+    raw = written(tmp_path, motions.stand(), [f"bone{j}" if 18 <= j <= 19 else n for j, n in enumerate(MIXAMO)])
+    with pytest.raises(
+        ValueError, match=r"no joint by name for left_elbow, right_elbow among Hips, .*bone18"
+    ) as caught:
+        canonical(raw, "x")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("style", ["mixamo", "unreal", "soma"])
+def test_a_t_pose_file_with_other_names_is_the_same_motion(tmp_path: Path, style: str) -> None:
+    walk = motions.walk(seconds=2)
+    got = canonical(written(tmp_path, walk, STYLES[style]), "x")
+    assert np.abs(lifted(got, walk)).max() < 1e-5
+    assert tilt(got, walk).max() < 1e-5
+    assert "centimetres" in got.source.generator
+
+
+def test_a_file_in_metres_with_z_up(tmp_path: Path) -> None:
+    walk = motions.walk(seconds=2)
+    raw = written(tmp_path, walk, MIXAMO)
+    turn = axis_angle_to_quat([1.0, 0.0, 0.0], np.pi / 2)  # y up to z up
+    quats = raw.quats.copy()
+    quats = quat_mul(quat_mul(turn, quats), quat_conj(turn))
+    z_up = replace(
+        raw, offsets=quat_rotate(turn, raw.offsets) / 100, positions=quat_rotate(turn, raw.positions) / 100, quats=quats
+    )
+    got = canonical(z_up, "x")
+    height = got.positions()[0, SMPL_JOINTS.index("head"), 2] - got.positions()[0, 7, 2]
+    want = walk.positions()[0, SMPL_JOINTS.index("head"), 2] - walk.positions()[0, 7, 2]
+    assert height == pytest.approx(want, abs=1e-5)
+    assert "metres" in got.source.generator
+
+
+def test_an_a_pose_is_straightened(tmp_path: Path) -> None:
+    """Offsets drawn with the arms 45° down: the joints stay where they are, and level arms are the identity again."""
+    wave = motions.wave()
+    raw = written(tmp_path, wave, MIXAMO)
+    offsets, positions, quats = raw.offsets.copy(), raw.positions.copy(), raw.quats.copy()
+    for side, sign in (("Left", -1), ("Right", 1)):
+        down = axis_angle_to_quat([0.0, 0.0, 1.0], sign * np.pi / 4)  # about the file's front
+        arm, fore, hand = (raw.names.index(f"{side}{part}") for part in ("Arm", "ForeArm", "Hand"))
+        for j in (fore, hand):
+            offsets[j] = quat_rotate(down, offsets[j])
+            positions[:, j] = quat_rotate(down, positions[:, j])
+        quats[:, arm] = quat_mul(quats[:, arm], quat_conj(down))
+        for j in (fore, hand):
+            quats[:, j] = quat_mul(quat_mul(down, quats[:, j]), quat_conj(down))
+    got = canonical(replace(raw, offsets=offsets, positions=positions, quats=quats), "x")
+    assert np.abs(lifted(got, wave)).max() < 1e-5
+    arms = [j for j, n in enumerate(SMPL_JOINTS) if n.endswith(("shoulder", "elbow"))]
+    assert tilt(got, wave)[:, arms].max() < 1e-5
+
+
+def test_a_zero_pose_that_says_nothing_still_gives_the_positions(tmp_path: Path) -> None:
+    """Joint frames turned at random, as LAFAN1's zero pose looks: no T-pose anywhere, and the figure is the same."""
+    walk = motions.walk(seconds=2)
+    raw = written(tmp_path, walk, STYLES["lafan1"])
+    rng = np.random.default_rng(1)
+    turns = rotvec_to_quat(rng.normal(0, 2, (len(raw.names), 3)))
+    quats, positions, offsets = raw.quats.copy(), raw.positions.copy(), raw.offsets.copy()
+    for j, parent in enumerate(raw.parents):
+        before = turns[parent] if parent >= 0 else np.array([1.0, 0, 0, 0])
+        quats[:, j] = quat_mul(quat_mul(quat_conj(before), raw.quats[:, j]), turns[j])
+        if parent >= 0:
+            offsets[j] = quat_rotate(quat_conj(before), raw.offsets[j])
+            positions[:, j] = quat_rotate(quat_conj(before), raw.positions[:, j])
+    got = canonical(replace(raw, quats=quats, positions=positions, offsets=offsets), "x")
+    assert np.abs(lifted(got, walk)).max() < 1e-5
+    assert "rotations fitted" in got.source.generator
+
+
+def test_a_figure_of_no_size_is_refused(tmp_path: Path) -> None:
+    raw = written(tmp_path, motions.stand(), MIXAMO)
+    with pytest.raises(ValueError, match="no person's in metres, inches, centimetres, millimetres"):
+        canonical(replace(raw, offsets=raw.offsets * 50, positions=raw.positions * 50), "x")
+
+
+def test_a_shorter_spine_is_shared_out() -> None:
+    keep = [j for j, n in enumerate(SMPL_JOINTS) if n not in ("spine1", "spine2")]
+    names = [MIXAMO[j] for j in keep]
+    parents = [-1 if j == 0 else keep.index(max(p for p in keep if p in _above(j))) for j in keep]
+    found, missing = match_joints(names, parents)
+    assert missing == ()
+    assert found["spine3"] == "Spine2"
+    assert not {"spine1", "spine2"} & set(found)
+
+
+def _above(joint: int) -> list[int]:
+    parents, out = motions.skeleton().parents, []
+    while joint:
+        joint = parents[joint]
+        out.append(joint)
+    return out
+
+
+# ---- Real clips
+
+
+def clips(count: int) -> list[Path]:
+    """Evenly spread over both data sets."""
+    found = sorted(CLIPS.rglob("dataset-*.bvh")), sorted(CLIPS.glob("All_BVH/**/*.bvh"))
+    return [f for files in found if files for f in files[:: max(1, len(files) // count)]]
+
+
+@real
+def test_bvh_to_motion_and_back_again(tmp_path: Path) -> None:
+    for path in clips(6):
+        motion = read_bvh(path)
+        write_bvh(motion, tmp_path / "m.bvh")
+        again = read_bvh(tmp_path / "m.bvh")
+        assert np.abs(again.positions() - motion.positions()).max() < 1e-4, path.name
+
+
+@real
+def test_every_cmu_joint_but_the_head_is_where_the_file_has_it() -> None:
+    from motiongen.skeletons import CMU
+
+    for path in sorted(CLIPS.glob("All_BVH/**/*.bvh"))[::20]:
+        motion, raw = read_bvh(path), read_raw(path)
+        _, where = forward(raw)
+        for joint, name in CMU.joints.items():
+            there = where[:, raw.names.index(name)][:, [2, 0, 1]] / 100
+            apart = motion.positions()[:, SMPL_JOINTS.index(joint)] - there
+            apart -= apart.mean(0)
+            # Two joints of the neck become one, so the head rides on a mean bone.
+            assert np.abs(apart).max() < (0.05 if joint == "head" else 1e-4), (path.name, joint)
+
+
+@real
+def test_the_cmu_t_pose_is_a_t_pose() -> None:
+    for path in CLIPS.glob("All_BVH/**/007_12.bvh"):
+        at = dict(zip(SMPL_JOINTS, read_bvh(path).positions()[0], strict=True))
+        reach = at["left_wrist"] - at["left_shoulder"]
+        assert reach / np.linalg.norm(reach) == pytest.approx([0, 1, 0], abs=0.05)
+        turned = np.linalg.norm(quat_to_rotvec(read_bvh(path).global_quat()[0]), axis=-1)
+        assert np.degrees(turned).max() < 20  # collars sweep back by 15°
+
+
+@real
+def test_an_independent_reader_agrees_on_our_files(tmp_path: Path) -> None:
+    bvhio = pytest.importorskip("bvhio", reason="bvhio is not installed")
+    motion = read_bvh(clips(2)[0])
+    write_bvh(motion, tmp_path / "m.bvh")
+    root = bvhio.readAsHierarchy(str(tmp_path / "m.bvh"))
+    for frame in (0, len(motion) // 2, len(motion) - 1):
+        root.loadPose(frame)
+        for joint, _, _ in root.layout():
+            x, y, z = joint.PositionWorld
+            want = motion.positions()[frame, SMPL_JOINTS.index(joint.Name)]
+            np.testing.assert_allclose(np.array([z, x, y]) / 100, want, atol=1e-3)
+
+
+def test_an_unknown_file_is_one_line(tmp_path: Path) -> None:
+    write_bvh(motions.stand(), tmp_path / "m.bvh")
+    text = (tmp_path / "m.bvh").read_text()
+    (tmp_path / "m.bvh").write_text(text.replace("left_knee", "gizmo").replace("left_ankle", "widget"))
+    with pytest.raises(BvhError, match="no joint by name for left_knee, left_foot among pelvis") as caught:
+        read_bvh(tmp_path / "m.bvh")
+    assert "\n" not in str(caught.value)
