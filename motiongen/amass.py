@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from motiongen.files import FileError, load_arrays, replacing
+from motiongen.files import FileError, load_arrays, replacing, require_plausible
 from motiongen.ground import on_floor
 from motiongen.motion import SMPL_JOINTS, Motion, Source
 from motiongen.rotation import matrix_to_quat, quat_conj, quat_continuous, quat_mul, quat_to_rotvec, rotvec_to_quat
@@ -87,6 +87,5 @@ def _checked(arrays: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, float]:
         raise ValueError("poses, trans and the frame rate must be numbers")
     if len(poses) > MAX_FRAMES:
         raise ValueError(f"{len(poses)} frames, expected at most {MAX_FRAMES}")
-    if not np.isfinite(poses).all():
-        raise ValueError(f"frame {int(np.isfinite(poses).all(1).argmin())} holds NaN or infinity")
+    require_plausible(np.hstack([poses, trans]))
     return poses.astype(float), trans.astype(float), float(rates[0].item())

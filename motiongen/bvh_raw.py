@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from motiongen.files import LARGEST, require_plausible
 from motiongen.rotation import Array, axis_angle_to_quat, quat_mul
 
 MAX_FRAMES = 1_000_000
@@ -94,6 +95,8 @@ def _hierarchy(head: str, path: str | Path) -> tuple[tuple[str, ...], tuple[int,
     for channel in (c for each in channels for c in each):
         if channel[1:] not in ("position", "rotation") or channel[0] not in _AXES:
             raise BvhError(f"{path}: unknown channel {channel!r}, expected Xposition … Zrotation")
+    if not (np.abs(offsets) <= LARGEST).all():
+        raise BvhError(f"{path}: an OFFSET is NaN, infinity or above {LARGEST:g}")
     return tuple(names), tuple(parents), np.array(offsets), channels
 
 
@@ -114,10 +117,9 @@ def _motion(tail: str, width: int, path: str | Path) -> tuple[float, Array]:
         raise BvhError(f"{path}: {len(body)} values, but {frames} frames of {width} channels need {frames * width}")
     try:
         values = np.array(body, dtype=float).reshape(frames, width)
+        require_plausible(values)
     except ValueError as error:
         raise BvhError(f"{path}: {error}") from None
-    if not np.isfinite(values).all():
-        raise BvhError(f"{path}: frame {int(np.argmin(np.isfinite(values).all(1)))} holds NaN or infinity")
     return frame_time, values
 
 

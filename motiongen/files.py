@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.lib.npyio import NpzFile
+from numpy.typing import NDArray
 
 from motiongen.motion import Label, Motion, Skeleton, Source
 
@@ -20,8 +21,18 @@ VERSION = 1
 MAX_BYTES = 1 << 30  # unpacked; an archive that promises more is refused before anything is unpacked
 
 
+LARGEST = 1e9  # no coordinate or angle of any unit is above this; numbers near a float's end overflow later on
+
+
 class FileError(ValueError):
     """A file that is not what it should be; the message names the file and what is wrong."""
+
+
+def require_plausible(values: NDArray[Any]) -> None:
+    """Raise ValueError naming the first row of (T, ...) that holds NaN, infinity or a number above 1e9."""
+    fine = (np.abs(values) <= LARGEST).all(axis=tuple(range(1, values.ndim)))
+    if not fine.all():
+        raise ValueError(f"frame {int(fine.argmin())} holds NaN, infinity or a number above {LARGEST:g}")
 
 
 @contextmanager
@@ -152,6 +163,8 @@ def motion_from_arrays(arrays: Mapping[str, Any], path: str | Path) -> Motion:
         labels, source = notes_from_json(str(arrays["notes"]))
         ankle, toe = (float(h) for h in arrays["foot_height"])
         names, parents = tuple(map(str, arrays["names"])), tuple(map(int, arrays["parents"]))
+        for name in ("root_pos", "joint_quat", "offsets"):
+            require_plausible(arrays[name])
         skeleton = Skeleton(names, parents, arrays["offsets"], (ankle, toe))
         contacts = arrays["contacts"].astype(bool) if "contacts" in arrays else None
         fps = float(arrays["fps"])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from motiongen.files import FileError, replacing
+from motiongen.files import FileError, replacing, require_plausible
 from motiongen.fit import motion_from_positions
 from motiongen.humanml import HUMANML3D, KIT_ML, features_to_positions, positions_to_features
 from motiongen.motion import SMPL_JOINTS, Motion, Source
@@ -27,6 +27,7 @@ def read_humanml(path: str | Path) -> Motion:
     array = _load(path)
     joints = len(SMPL_JOINTS)
     try:
+        require_plausible(array)
         if array.shape[1:] == (HUMANML3D.width,):
             where = features_to_positions(array)
         elif array.shape[1:] == (joints, 3):

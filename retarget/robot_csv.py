@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from motiongen.files import FileError, replacing
+from motiongen.files import LARGEST, FileError, replacing
 from motiongen.motion import Source
 from motiongen.rotation import Array, slerp
 from retarget.files import CSV_ROOT, write_csv
@@ -115,8 +115,8 @@ def _numbers(lines: list[str], width: int, first: int) -> Array:
             rows.append([float(cell) for cell in cells])
         except ValueError as error:
             raise ValueError(f"line {number}: {error}") from None
-        if not np.isfinite(rows[-1]).all():
-            raise ValueError(f"line {number} holds NaN or infinity")
+        if not (np.abs(rows[-1]) <= LARGEST).all():
+            raise ValueError(f"line {number} holds NaN, infinity or a number above {LARGEST:g}")
     if not rows:
         raise ValueError("no rows of numbers")
     return np.array(rows)

@@ -200,7 +200,7 @@ def damaged(path: Path, **changed: object) -> Path:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"root_pos": np.full((7, 3), np.nan)}, "frame 0 is not finite"),
+        ({"root_pos": np.full((7, 3), np.nan)}, "frame 0 holds NaN"),
         ({"root_pos": np.zeros((0, 3)), "joint_quat": np.zeros((0, 22, 4)), "contacts": None}, "zero frames"),
         ({"fps": 0.0}, "fps must be above 0"),
         ({"fps": None}, "'fps' is missing"),

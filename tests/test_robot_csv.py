@@ -77,7 +77,7 @@ GOOD = ",".join(map(str, [*ROW, 0, 0, HALF, HALF, 0.5, -0.5]))
         (f"{GOOD}\n{GOOD},1", "unitree", None, "line 2 has 10 columns, expected 9"),
         (GOOD.replace("0.5", "half", 1), "unitree", None, "line 1: could not convert"),
         (GOOD.replace("0.5", "nan", 1), "unitree", None, "line 1 holds NaN"),
-        (GOOD.replace("0.5", "1e999", 1), "unitree", None, "line 1 holds NaN or infinity"),
+        (GOOD.replace("0.5", "1e999", 1), "unitree", None, "line 1 holds NaN, infinity or"),
         (GOOD.replace("0.707", "0.9"), "unitree", None, "frame 0 is not of unit length"),
         ("", "unitree", None, "line 1 has 1 columns"),
         ("", "ours", None, "no header"),
