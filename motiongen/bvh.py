@@ -95,8 +95,8 @@ def forward(raw: RawBvh) -> tuple[Array, Array]:
 
 
 def _described(motion: Motion, heights: tuple[float, float], name: str, licence: str = "") -> Motion:
-    skeleton = Skeleton(motion.skeleton.names, motion.skeleton.parents, motion.skeleton.offsets, heights)
-    return Motion(motion.root_pos, motion.joint_quat, motion.fps, skeleton, source=Source(name, licence=licence))
+    skeleton = replace(motion.skeleton, foot_height=heights)
+    return replace(motion, skeleton=skeleton, source=Source(name, licence=licence))
 
 
 def _table_rest(table: SkeletonTable) -> dict[str, Array]:

@@ -1,0 +1,92 @@
+"""How exactly motion files come in and go out: HumanML3D's features against its authors', BVH round trips.
+
+Needs RIGCAST_HUMANML3D (a folder with `new_joints-*.npy` and `new_joint_vecs-*.npy` of a clip) and RIGCAST_MOTION_DATA
+(a folder with Bandai-Namco's and CMU's BVH files); what is not there is left out and said so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from motiongen.bvh import read_bvh
+from motiongen.bvh_write import write_bvh
+from motiongen.humanml import SMOOTHING, features_to_positions, positions_to_features
+
+REACH = round(4 * SMOOTHING)  # frames at the end whose smoothed heading knows that the stored joints lack their last
+CLIPS, QUICK_CLIPS = 200, 20
+TARGETS = {
+    "features, root and positions": 1e-5,
+    "features, contacts that differ": 0,
+    "features, positions, features": 1e-5,
+    "BVH, motion, BVH, motion [m]": 1e-4,
+}
+
+
+def main() -> int:
+    """Print the largest errors; exit 1 with `--gate` where one is over its target or could not be measured."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="under a minute on one core")
+    parser.add_argument("--json", action="store_true", help="one JSON document")
+    parser.add_argument("--gate", action="store_true", help="exit 1 where a target is missed")
+    options = parser.parse_args()
+    found: dict[str, float] = {}
+    if folder := os.environ.get("RIGCAST_HUMANML3D"):
+        found |= features(Path(folder))
+    if folder := os.environ.get("RIGCAST_MOTION_DATA"):
+        found["BVH, motion, BVH, motion [m]"] = round_trip(Path(folder), QUICK_CLIPS if options.quick else CLIPS)
+    print(json.dumps({"found": found, "targets": TARGETS}, indent=2) if options.json else table(found))
+    short = [name for name, target in TARGETS.items() if not found.get(name, np.inf) <= target]
+    if options.gate and short:
+        print(f"short: {'; '.join(short)}")
+        return 1
+    return 0
+
+
+def features(folder: Path) -> dict[str, float]:
+    """Largest errors against the features of the data set's authors, and of our own round trip."""
+    joints, theirs = (np.load(next(folder.glob(f"{kind}-*.npy"))) for kind in ("new_joints", "new_joint_vecs"))
+    ours = positions_to_features(joints)
+    theirs = theirs[: len(ours)].astype(float)
+    again = positions_to_features(features_to_positions(theirs))
+    inside = slice(0, len(joints) - REACH)
+    return {
+        "features, root and positions": float(np.abs(ours - theirs)[inside, :67].max()),
+        "features, contacts that differ": float((ours[:, -4:] != theirs[:, -4:]).sum()),
+        "features, positions, features": float(np.abs(again - theirs[:-1])[inside].max()),
+    }
+
+
+def round_trip(folder: Path, count: int) -> float:
+    """Largest distance in metres of a joint from where it was, over `count` clips spread over both data sets."""
+    pools = sorted(folder.rglob("dataset-*.bvh")), sorted(folder.rglob("subjects/*/*.bvh"))
+    small = min(len(pools[1]), count // 2)
+    clips = [*spread(pools[0], count - small), *spread(pools[1], small)]
+    worst = 0.0
+    with tempfile.TemporaryDirectory() as room:
+        for clip in clips:
+            motion = read_bvh(clip)
+            write_bvh(motion, Path(room) / "clip.bvh")
+            worst = max(worst, float(np.abs(read_bvh(Path(room) / "clip.bvh").positions() - motion.positions()).max()))
+    return worst
+
+
+def spread(clips: list[Path], count: int) -> list[Path]:
+    """`count` of the clips, evenly spread."""
+    return [clips[i] for i in np.linspace(0, len(clips) - 1, min(count, len(clips))).astype(int)]
+
+
+def table(found: dict[str, float]) -> str:
+    """The figures as lines."""
+    said = {name: f"{found[name]:.2g}" if name in found else "not measured: no data" for name in TARGETS}
+    return "\n".join(f"{name:<32} {said[name]:<22} target: at most {TARGETS[name]:g}" for name in TARGETS)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
