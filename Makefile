@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 CORPUS ?= runs/corpus.npz
 
-.PHONY: install demo test check bench wheel clean
+.PHONY: install demo test check bench results wheel clean
 
 install: $(STAMP)
 
@@ -28,6 +28,9 @@ bench: $(STAMP)
 	$(BIN)/python benchmarks/cold_start.py --quick
 	@if [ -f $(CORPUS) ]; then $(BIN)/python benchmarks/semantics.py $(CORPUS) --quick; \
 	else echo "semantics: skipped, no $(CORPUS) (python -m motiongen.corpus builds it from the motion capture)"; fi
+
+results: $(STAMP)
+	$(BIN)/python benchmarks/results.py $(CORPUS)
 
 wheel: $(STAMP)
 	rm -rf dist

@@ -97,6 +97,17 @@ class Publisher:
         self.close()
 
 
+def require_free(address: str) -> None:
+    """Find out before any work that a publisher could not bind `address`; raises StreamError as it would.
+
+    An ipc path is not tried: binding one takes it away from whoever has it.
+    """
+    if (at := endpoints(address)).frames.startswith("tcp:"):
+        with zmq.Context() as context:
+            for each in (at.frames, at.hello, at.stop, at.state):
+                open_socket(context, zmq.PUB, each, bind=True, max_bytes=MAX_MESSAGE_BYTES).close(0)
+
+
 def hello_for(trajectory: Trajectory, rig: Rig, report_id: str, stream: int) -> Hello:
     """The hello of a stream that plays `trajectory` on `rig`."""
     return Hello(

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.diffusion import SAMPLERS, Denoiser, guide
-from motiongen.features import FPS, HEIGHT, features_to_motion
+from motiongen.features import CONTACTS, FPS, HEIGHT, PLANAR, features_to_motion
 from motiongen.generator import Familiarity, check_prompt
 from motiongen.mdm_run import denoise
-from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
+from motiongen.motion import FOOT_JOINTS, SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from motiongen.nn import Floats
+from motiongen.rotation import quat_conj, quat_rotate, yaw_of_quat, yaw_quat
 from motiongen.skeletons import BANDAI_NAMCO
 from motiongen.text import TextEncoder
 from motiongen.weights import FOLDER, load_weights, nearest
@@ -102,7 +103,9 @@ class MdmGenerator:
         skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, w.offsets.astype(float), BANDAI_NAMCO.foot_height)
         source = Source(self.name, w.digest, seed, w.licence)
         label = Label(0.0, (len(features) - 1) / FPS, text)
-        features[:, HEIGHT] -= _floats(features_to_motion(features, skeleton))
+        drawn = features_to_motion(features, skeleton)
+        features[:, HEIGHT] -= _floats(drawn)
+        features[:, PLANAR] -= _slip(drawn, features[:, CONTACTS])
         return features_to_motion(features, skeleton, labels=(label,), source=source)
 
 
@@ -110,6 +113,22 @@ def _smooth(features: NDArray[np.float64]) -> NDArray[np.float64]:
     """Binomial smoothing over five frames, which takes away what jitters faster than people can (over ~8 Hz)."""
     padded = np.concatenate([features[:1]] * 2 + [features] + [features[-1:]] * 2)
     return np.sum([k / 16 * padded[i : i + len(features)] for i, k in enumerate((1, 4, 6, 4, 1))], axis=0)
+
+
+def _slip(motion: Motion, touch: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Planar velocity (T, 2) in m/s, in each frame's heading, with which feet slide that should stand.
+
+    The mean over `FOOT_JOINTS`, each weighed by how surely it touches the floor (`touch` (T, 4), 0…1). Taken off the
+    root's velocity, it is the planted foot that stays and the body that moves over it.
+    """
+    feet = motion.positions()[:, [motion.skeleton.index(n) for n in FOOT_JOINTS]]
+    moved = np.zeros((len(feet), len(FOOT_JOINTS), 3))
+    moved[:-1] = np.diff(feet, axis=0) * motion.fps
+    sure = np.clip(touch, 0.0, 1.0)
+    sure[:-1] = np.minimum(sure[:-1], sure[1:])
+    mean = (moved * sure[..., None]).sum(1) / np.maximum(sure.sum(1), 1e-6)[:, None]
+    slip = quat_rotate(quat_conj(yaw_quat(yaw_of_quat(motion.joint_quat[:, 0]))), mean)[:, :2]
+    return _smooth(slip * sure.max(1)[:, None])
 
 
 def _floats(motion: Motion) -> float:

@@ -24,6 +24,7 @@ from motiongen import corpus as corpora
 from motiongen.captions import kept_for_testing, phrasings, swap_sides
 from motiongen.diffusion import levels
 from motiongen.features import CONTACTS, TURNS
+from motiongen.files import replacing
 from motiongen.losses import LossWeights, loss
 from motiongen.mdm import Mdm, MdmConfig
 from motiongen.text import TextEncoder
@@ -133,9 +134,8 @@ def _encode(captions: list[str], cache: Path) -> tuple[Tensor, Tensor, Tensor]:
         words = torch.cat([F.pad(torch.from_numpy(p[0]), (0, 0, 0, longest - p[0].shape[1])).half() for p in parts])
         mask = torch.cat([F.pad(torch.from_numpy(p[1]), (0, longest - p[1].shape[1])) for p in parts])
         sentences = torch.cat([torch.from_numpy(p[2]) for p in parts])
-        temporary = path.with_suffix(".tmp")
-        save_file({"words": words, "mask": mask, "sentences": sentences}, temporary)
-        temporary.replace(path)
+        with replacing(path) as temporary:
+            save_file({"words": words, "mask": mask, "sentences": sentences}, temporary)
     tensors = load_file(path)
     return tensors["words"], tensors["mask"], tensors["sentences"]
 
@@ -201,9 +201,8 @@ def _save(out: Path, step: int, model: Mdm, average: dict[str, Tensor], optimize
     tensors |= {f"average.{k}": v for k, v in average.items()}
     for i, state in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{i}.{k}": v for k, v in state.items()}
-    temporary = out / "checkpoint.tmp"
-    save_file({k: v.contiguous().cpu() for k, v in tensors.items()}, temporary)
-    temporary.replace(out / "checkpoint.safetensors")
+    with replacing(out / "checkpoint.safetensors") as temporary:
+        save_file({k: v.contiguous().cpu() for k, v in tensors.items()}, temporary)
 
 
 def _resume(out: Path, model: Mdm, average: dict[str, Tensor], optimizer: torch.optim.Optimizer) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
+from motiongen.files import replacing
 from motiongen.nn import Floats, Tensors
 
 FOLDER = Path(__file__).parent / "weights"
@@ -72,11 +73,9 @@ def save_weights(weights: Weights, path: Path) -> None:
         "licence": weights.licence,
         "training": json.dumps(weights.training),
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(".tmp")
-    save_file(tensors, temporary, metadata=metadata)
-    temporary.chmod(0o644)  # safetensors makes files that only their owner can read
-    temporary.replace(path)
+    with replacing(path) as temporary:
+        save_file(tensors, temporary, metadata=metadata)
+        temporary.chmod(0o644)  # safetensors makes files that only their owner can read
 
 
 def load_weights(path: Path) -> Weights:

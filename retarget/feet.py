@@ -25,7 +25,8 @@ from retarget.rest import Rest
 SWING = 0.2
 FIRMING = 0.1
 # People swing their toes some 2 cm above the floor, bent up; a rig's sole is stiff and would scuff where theirs clears.
-CLEARANCE = 0.025  # of the root's height, reached FIRMING seconds from the contact
+CLEARANCE = 0.025  # of the root's height, reached FIRMING seconds from the contact …
+PASSING = 0.4  # … and where the foot is this many m/s faster than the other
 
 
 def flattened(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags]) -> dict[str, Goal]:
@@ -59,12 +60,11 @@ def riding_height(goals: dict[str, Goal], rest: Rest, height: Array, supported: 
 def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: float, height: float) -> dict[str, Goal]:
     """The goals with planted feet held where they are on average, sole on the floor; blended in between.
 
-    While another foot bears the rig, one in the air keeps clear of the floor, in proportion to the rig's nominal root
-    `height` in metres.
+    A foot that passes a slower one keeps clear of the floor, in proportion to the rig's nominal root `height` (m).
     """
     out = dict(goals)
     feet = _grounded(goals, rest)
-    bears = {foot: np.minimum(_away(~planted[foot]) / (FIRMING * fps), 1.0) for foot in feet}
+    speed = {foot: np.linalg.norm(_rate(goals[foot].pos[:, :2], fps), axis=1) for foot in feet}
     for foot in feet:
         pos, quat = goals[foot].pos, goals[foot].quat
         fix = []
@@ -75,11 +75,16 @@ def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: f
             fix.append(spot - pos[start:end])
         pos = pos + _blended(fix, planted[foot])
         swing = np.minimum(_away(planted[foot]) / (FIRMING * fps), 1.0)
-        borne = np.max([bears[other] for other in feet if other != foot], axis=0, initial=0.0)
-        clear = CLEARANCE * height * swing * borne
+        slowest = np.min([speed[other] for other in feet if other != foot], axis=0, initial=np.inf)
+        passing = np.clip((speed[foot] - slowest) / PASSING, 0.0, 1.0)
+        clear = CLEARANCE * height * swing * passing
         pos[:, 2] += np.maximum(clear - _lowest(pos, quat, rest.soles[foot]), 0.0)
         out[foot] = replace(goals[foot], pos=pos, firm=1 - (1 - SWING) * swing)
     return out
+
+
+def _rate(values: Array, fps: float) -> Array:
+    return np.gradient(values, 1 / fps, axis=0) if len(values) > 1 else np.zeros_like(values)
 
 
 def _away(flags: Flags) -> Array:

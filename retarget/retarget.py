@@ -56,7 +56,7 @@ def retarget(motion: Motion, rig: Rig, *, mount: Mount | None = None, fps: float
     qpos = _eased(body, nominal, timeline)
     contacts = {foot.name: _shown(stance[foot.human], timeline) for foot in rig.feet}
     if mount != "stand":
-        qpos[:, 2] += _lift(qpos, contacts, timeline, rig, model)
+        qpos[:, 2] += _lift(qpos, _shown(supported(motion), timeline), timeline, rig, model)
     _verify(qpos, rig, fps)
     labels = shifted(motion.labels, timeline, fps)
     return Trajectory(qpos, fps, rig.name, rig.joint_names(), contacts, labels, motion.source)
@@ -136,9 +136,10 @@ def _shown(flags: Flags, timeline: Timeline) -> Flags:
     return out
 
 
-def _lift(qpos: Array, contacts: dict[str, Flags], timeline: Timeline, rig: Rig, model: mujoco.MjModel) -> Array:
-    """(T,) metres by which the root must rise: the lowest sole touches where a foot is planted or the rig eases, and
-    is never below the floor."""
+def _lift(qpos: Array, down: Flags, timeline: Timeline, rig: Rig, model: mujoco.MjModel) -> Array:
+    """(T,) metres by which the root must rise: the lowest sole touches where somebody stands (`down`) or the rig eases,
+    and is never below the floor.
+    """
     data = mujoco.MjData(model)
     sites = [model.site(site).id for foot in rig.feet for site in foot.sites]
     low = np.zeros(len(qpos))
@@ -146,7 +147,7 @@ def _lift(qpos: Array, contacts: dict[str, Flags], timeline: Timeline, rig: Rig,
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         low[frame] = data.site_xpos[sites, 2].min()
-    down = np.any(list(contacts.values()), axis=0)
+    down = down.copy()
     down[: timeline.lead] = down[len(qpos) - timeline.tail :] = True
     return np.where(down, -low, np.maximum(-low, 0.0))
 

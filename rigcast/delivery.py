@@ -44,9 +44,9 @@ def require(how: Delivery, *, has_motion: bool) -> None:
 
     require_writable(how.out, has_motion=has_motion)
     if how.publish is not None:
-        from drivers.endpoint import endpoints
+        from drivers.publisher import require_free
 
-        endpoints(how.publish)
+        require_free(how.publish)
 
 
 def deliver(take: Take, how: Delivery, times: Times, said: dict[str, Any]) -> int:

@@ -67,15 +67,15 @@ def following(receiver: Receiver, clock: Callable[[], int] = time.monotonic_ns) 
     def poses() -> Pose | None:
         nonlocal newest
         frame = receiver.poll(clock())
-        newest = newest if frame is None else pose_due(frame, clock())
+        newest = newest if frame is None else pose_due(frame, receiver.gate.sender_ns(clock()))
         return newest
 
     return poses
 
 
-def pose_due(frame: Frame, now_ns: int) -> Pose:
-    """The sample of `frame` that is due at `now_ns`; its first or last where none is."""
-    sample = min(max((now_ns - frame.due_ns) // frame.period_ns, 0), len(frame.pos) - 1)
+def pose_due(frame: Frame, sender_ns: int) -> Pose:
+    """The sample of `frame` that is due at `sender_ns` on its sender's clock; its first or last where none is."""
+    sample = min(max((sender_ns - frame.due_ns) // frame.period_ns, 0), len(frame.pos) - 1)
     root = frame.root[sample].astype(float)
     return root[:3], root[3:], frame.pos[sample].astype(float)
 

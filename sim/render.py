@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from motiongen.files import replacing
 from retarget.rig import Mount, Rig
 from sim.canvas import Pixels, canvas
 from sim.look import build_stage, follow
@@ -53,7 +51,7 @@ def render_video(
     count = max(1, round(len(qpos) * film_fps / (fps * speed)))
     rows = np.minimum((np.arange(count) * fps * speed / film_fps).astype(int), len(qpos) - 1)
     pictures = _pictures(qpos, fps, rows, rig, mount, size, title)
-    with _finished(Path(path)) as unfinished:
+    with replacing(path) as unfinished:
         if suffix == ".mp4":
             _write_mp4(unfinished, pictures, film_fps, size)
         else:
@@ -90,7 +88,7 @@ def render_sheet(
         _write_text(panel, f"{rows[i] / fps:.2f} s", (10, 8), size[1] // 20)
         sheet.paste(panel, (i % columns * size[0], head + i // columns * size[1]))
     _write_text(sheet, title, (12, 9), 18)
-    with _finished(Path(path)) as unfinished:
+    with replacing(path) as unfinished:
         sheet.save(unfinished, format="PNG")
 
 
@@ -150,17 +148,3 @@ def _write_gif(path: Path, pictures: Iterator[Pixels], fps: float) -> None:
     frames[0].save(
         path, format="GIF", save_all=True, append_images=frames[1:], duration=round(1000 / fps), loop=0, optimize=True
     )
-
-
-@contextmanager
-def _finished(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path`, renamed to it once all went well and removed where it did not."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    os.close(handle)
-    try:
-        yield Path(name)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise

@@ -90,6 +90,17 @@ def test_turns_go_the_way_that_was_said(generator) -> None:
         assert most([sign * y > 0.2 for y in drift]), side
 
 
+def test_feet_that_should_stand_do(generator) -> None:
+    slips = []
+    for seed in SEEDS:
+        motion = generator.generate("walk forward", seed=seed, seconds=4)
+        toes = motion.positions()[:, [motion.skeleton.index("left_foot"), motion.skeleton.index("right_foot")], :2]
+        touch = motion.contacts[:, [1, 3]]
+        speed = np.linalg.norm(np.diff(toes, axis=0), axis=-1) * motion.fps
+        slips.append(speed[touch[1:] & touch[:-1]].mean())
+    assert most([slip < 0.25 for slip in slips]), slips
+
+
 def test_same_seed_same_motion_and_another_seed_another(generator) -> None:
     a, b, c = (generator.generate("bow", seed=s).joint_quat for s in (3, 3, 4))
     assert (a == b).all()

@@ -267,6 +267,7 @@ def test_the_report_id_is_of_everything_that_was_judged(tmp_path):
         report_id(motion(fps=25, seconds=2), rig, "free"),
         report_id(motion(root=lambda t: still(t) + 1e-6 * UP), rig, "free"),
         report_id(plain, replace(rig, joints=(replace(rig.joints[0], upper=1.9), rig.joints[1])), "free"),
+        report_id(plain, replace(rig, joints=(replace(rig.joints[0], torque=0.5), rig.joints[1])), "free"),
     ]
     assert len(set(ids)) == len(ids)
     assert all(re.fullmatch("[0-9a-f]{16}", i) for i in ids)

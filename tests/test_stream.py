@@ -12,7 +12,7 @@ from drivers.endpoint import StreamError, endpoints
 from drivers.frame import UNCHECKED, Frame, State, encode
 from drivers.gate import Gate
 from drivers.messages import RigState
-from drivers.publisher import Publisher, frames_of, hello_for, publish
+from drivers.publisher import Publisher, frames_of, hello_for, publish, require_free
 from drivers.receiver import Receiver
 from drivers.watchdog import Patience, Watchdog
 from retarget.rig import Foot
@@ -82,6 +82,9 @@ def test_a_wrong_endpoint_is_one_clear_line(address):
 def test_a_busy_port_is_one_clear_line():
     address, trajectory = free_address(), swing(RIG)
     hello = hello_for(trajectory, RIG, REPORT, 1)
+    require_free(address)
+    with Publisher(hello, address), pytest.raises(StreamError, match="is busy"):
+        require_free(address)
     with Publisher(hello, address), pytest.raises(StreamError, match="is busy"):
         Publisher(hello, address)
     with Publisher(hello, address):  # Everything was closed: the ports are free again.
