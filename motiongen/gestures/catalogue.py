@@ -46,8 +46,8 @@ def perform(
     """The gesture `name` on the spot, facing forward, from standing to standing, labelled with its first caption.
 
     `side`: "left", "right" or "both", the usual one where None. `count`: how often. `speed`, `amplitude`: factors of
-    the usual; where the gesture has an angle, `amplitude` scales it. The same arguments give the same motion; `seed` draws
-    breath, drift and uneven timing. `seconds`: stand on to the end until the motion is as long.
+    the usual; where the gesture has an angle, `amplitude` scales it. The same arguments give the same motion; `seed`
+    draws breath, drift and uneven timing. `seconds`: stand on to the end until the motion is as long.
 
     Raises ValueError naming the bad value and the good ones.
     """

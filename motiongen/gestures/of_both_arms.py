@@ -128,7 +128,7 @@ BOTH_ARMS = (
     ),
     Gesture(
         "stretch", _stretch, amplitudes=(0.5, 1.4),
-        verbs=("[stretch]", "[stretch] the arms overhead", "[have] a stretch", "[stretch] upwards"),
+        verbs=("[stretch]", "[stretch] the arms overhead", "[do] a stretch", "[stretch] upwards"),
         keywords=("stretch",),
     ),
     Gesture(
@@ -148,7 +148,7 @@ BOTH_ARMS = (
         keywords=("zombie", "arms forward", "arms stretch forward", "sleepwalk"),
     ),
     Gesture(
-        "flap-arms", _flap, repeats=True,
+        "flap-arms", _flap, repeats=True, amplitudes=(0.5, 1.2),
         verbs=("[flap] the arms", "[flap] the arms like a bird", "[flap] your arms like wings"),
         keywords=("flap", "like bird", "wings"),
     ),
@@ -169,7 +169,7 @@ BOTH_ARMS = (
     ),
     Gesture(
         "welcome", _welcome, amplitudes=(1, 1),
-        verbs=("[open] the arms in welcome", "[spread] the arms to welcome someone", "[welcome] someone with open arms"),
+        verbs=("[open] the arms in welcome", "[spread] the arms in welcome", "[welcome] someone with open arms"),
         keywords=("welcome", "open arms", "spread arms"),
     ),
     Gesture(

@@ -74,7 +74,7 @@ HEAD = (
     ),
     Gesture(
         "look-around", _look_around, repeats=True,
-        verbs=("[look] around", "[have] a look around", "[look] all around", "[look] from one side to the other"),
+        verbs=("[look] around", "[take] a look around", "[look] all around", "[look] from one side to the other"),
         keywords=("look around", "look from side other", "search"),
     ),
     Gesture(

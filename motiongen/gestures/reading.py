@@ -54,7 +54,7 @@ class Request:
 
 def read(text: str) -> Request:
     """What `text` asks for, in English, in any wording that has a keyword of a gesture in it."""
-    said = _with_digits(text.lower())
+    said = _with_digits(text.lower().replace(" for me", ""))
     words = re.findall(r"[a-z]+", said)
     ranked = _ranked(words)
     angle = re.search(_ANGLE, said)
