@@ -53,7 +53,7 @@ def _point_up(p: Params) -> list[Step]:
 
 
 def _salute(p: Params) -> list[Step]:
-    pose = Pose(right=reach((0.11, 0.19, 0.13), elbow=(0.25, 1.0, -0.15)), spine=(0, -0.04, 0))
+    pose = Pose(right=reach((0.11, 0.14, 0.14), elbow=(0.25, 1.0, -0.15)), spine=(0, -0.04, 0))
     return there_and_back(pose, reach_s=0.6, hold_s=1.1, back_s=0.55)
 
 
@@ -90,7 +90,7 @@ def _heart(p: Params) -> list[Step]:
 
 
 def _listen(p: Params) -> list[Step]:
-    hand = reach((0.03, 0.20, 0.15), elbow=(0.3, 1.0, -0.3))
+    hand = reach((0.03, 0.16, 0.16), elbow=(0.3, 1.0, -0.3))
     pose = Pose(right=hand, head=(0.14, 0.05, 0.35), spine=(0.10, 0.05, 0.1))
     return there_and_back(pose, reach_s=0.75, hold_s=1.3, back_s=0.8)
 
