@@ -59,7 +59,10 @@ def check_prompt(text: str, seconds: float | None = None) -> str:
 
 def list_generators() -> dict[str, str]:
     """Generators by name, and a line on each."""
-    return {"mdm": "text to motion by diffusion (MDM, decoder form), trained on Bandai-Namco motion capture"}
+    return {
+        "mdm": "text to motion by diffusion (MDM, decoder form), trained on Bandai-Namco motion capture",
+        "gestures": "hand-written gestures found by their names: nod, clap three times, bow 30 degrees; no weights",
+    }
 
 
 def load_generator(name: str = "mdm") -> Generator:
@@ -70,6 +73,10 @@ def load_generator(name: str = "mdm") -> Generator:
     """
     if name not in list_generators():
         raise PromptError(f"no generator {name!r}; there are {', '.join(list_generators())}")
+    if name == "gestures":
+        from motiongen.gestures.generator import GestureGenerator
+
+        return GestureGenerator()
     from motiongen.mdm_generator import MdmGenerator
 
     return MdmGenerator()

@@ -15,6 +15,7 @@ LIGHT = (
     "motiongen.bvh",
     "motiongen.bvh_write",
     "motiongen.generator",
+    "motiongen.gestures.generator",
     "retarget.rig",
     "retarget.trajectory",
     "retarget.files",

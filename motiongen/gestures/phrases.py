@@ -1,0 +1,82 @@
+"""The grammar of captions: a verb phrase, conjugated, in a frame, with what is not as usual said after it.
+
+A verb phrase has its verb in brackets: "[raise] the right arm and [hold] it".
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import product
+
+_SUBJECTS = ("a person", "someone", "the robot", "he", "she")
+_ASKING = ("{}", "please {}", "now {}", "can you {}", "{} for me")
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+SLOW, FAST = 0.9, 1.1  # factors from which a speed is worth saying
+SMALL, LARGE = 0.85, 1.15
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a caption may have to say; `degrees` and `count` are 0 where the gesture has no such thing."""
+
+    degrees: int
+    preposition: str
+    count: int
+    unit: str
+    speed: float
+    amplitude: float
+
+
+def captions(verbs: tuple[str, ...], said: Said) -> tuple[str, ...]:
+    """Every verb phrase in every frame with every way to say the rest, in a fixed order, each once."""
+    out = []
+    for verb, *extras in product(verbs, _angles(said), _counts(said), _sizes(said), _speeds(said)):
+        tail = " ".join(word for word in extras if word)
+        out += [f"{subject} {third_person(verb)} {tail}".strip() for subject in _SUBJECTS]
+        out += [frame.format(f"{plain(verb)} {tail}".strip()) for frame in _ASKING]
+    return tuple(dict.fromkeys(out))
+
+
+def third_person(phrase: str) -> str:
+    """ "[raise] the arm and [hold] it" → "raises the arm and holds it"; "my" and "your" become "their"."""
+    said = re.sub(r"\[(\w+)\]", lambda found: _conjugated(found[1]), phrase)
+    return re.sub(r"\b(my|your)\b", "their", said)
+
+
+def plain(phrase: str) -> str:
+    """ "[raise] the arm" → "raise the arm"."""
+    return re.sub(r"\[(\w+)\]", r"\1", phrase)
+
+
+def _conjugated(verb: str) -> str:
+    if re.search(r"(ch|sh|s|x|z|o)$", verb):
+        return verb + "es"
+    return re.sub(r"([^aeiou])y$", r"\1ie", verb) + "s"
+
+
+def _angles(said: Said) -> tuple[str, ...]:
+    if not said.degrees:
+        return ("",)
+    exact = (f"{said.preposition} {said.degrees} degrees", f"{said.preposition} about {said.degrees} degrees")
+    return exact if not SMALL < said.amplitude < LARGE else ("", *exact)
+
+
+def _counts(said: Said) -> tuple[str, ...]:
+    if said.count < 2:
+        return ("", "once") if said.count and not said.unit else ("",)
+    unit = said.unit or "times"
+    word = f"{NUMBERS[said.count]} {unit}" if said.count < len(NUMBERS) else f"{said.count} {unit}"
+    return ("twice" if word == "two times" else word, f"{said.count} {unit}")
+
+
+def _sizes(said: Said) -> tuple[str, ...]:
+    if said.degrees or SMALL < said.amplitude < LARGE:
+        return ("",)
+    return ("slightly", "a little") if said.amplitude < 1 else ("widely", "with large movements")
+
+
+def _speeds(said: Said) -> tuple[str, ...]:
+    if SLOW < said.speed < FAST:
+        return ("",)
+    return ("slowly", "at a slow pace") if said.speed < 1 else ("quickly", "fast")
