@@ -1,6 +1,7 @@
 """The BVH reader against kinematics worked out by scipy, and against files broken in every way."""
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -176,3 +177,34 @@ def test_real_clips_stand_on_the_floor() -> None:
         motion = read_bvh(path)
         toes = motion.positions()[:, [SMPL_JOINTS.index("left_foot"), SMPL_JOINTS.index("right_foot")], 2]
         assert toes.min() == pytest.approx(motion.skeleton.foot_height[1], abs=0.03), path.name
+
+
+@pytest.mark.parametrize(
+    ("joint", "canonical", "degrees", "axis"),
+    [
+        ("LowerArm_L", "left_elbow", -50, (0, 0, -1)),
+        ("LowerArm_R", "right_elbow", -50, (0, 0, 1)),
+        ("LowerLeg_L", "left_knee", 50, (0, 1, 0)),
+        ("LowerLeg_R", "right_knee", 50, (0, 1, 0)),
+    ],
+)
+def test_hinges_bend_as_they_do_on_people(
+    tmp_path: Path, joint: str, canonical: str, degrees: float, axis: tuple[int, int, int]
+) -> None:
+    """The data set's elbows turn about their −y and its knees about their +y (the principal axes of its own clips).
+
+    In a T-pose an elbow bends about the vertical and brings the hand forward; a knee, about the left axis, takes the
+    shank back.
+    """
+    path, _ = bandai(tmp_path, frames=1)
+    head, _, _ = path.read_text().partition("Frame Time: 0.0333333\n")
+    names = re.findall(r"(?:ROOT|JOINT) (\w+)", head)
+    offsets = {n: o for n, _, o in TREE}
+    rows = [f"{' '.join(map(str, offsets[n]))} 0 0 {degrees if n == joint else 0}" for n in names]
+    path.write_text(head + "Frame Time: 0.0333333\n" + " ".join(rows) + "\n")
+    bent = read_bvh(path).joint_quat[0, SMPL_JOINTS.index(canonical)]
+    straight_row = " ".join(f"{' '.join(map(str, offsets[n]))} 0 0 0" for n in names)
+    path.write_text(head + "Frame Time: 0.0333333\n" + straight_row + "\n")
+    straight = read_bvh(path).joint_quat[0, SMPL_JOINTS.index(canonical)]
+    turn = Rotation.from_quat(straight, scalar_first=True).inv() * Rotation.from_quat(bent, scalar_first=True)
+    assert turn.as_rotvec(degrees=True) == pytest.approx(np.array(axis) * 50, abs=1e-4)

@@ -5,9 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motions import stand
 
 from motiongen.generator import PromptError, check_prompt, load_generator
+from motiongen.mdm_generator import _slip
 from motiongen.motion import Motion
+from motiongen.rotation import quat_mul, yaw_quat
 from motiongen.weights import FOLDER, WeightsError, load_weights, save_weights
 
 WEIGHTS = FOLDER / "mdm.safetensors"
@@ -168,3 +171,15 @@ def test_weights_survive_the_round_trip_and_nothing_else_does(tmp_path: Path) ->
             load_weights(copy)
     with pytest.raises(WeightsError, match="no such"):
         load_weights(tmp_path / "none.safetensors")
+
+
+def test_slip_is_the_speed_of_feet_that_should_stand() -> None:
+    """Somebody who faces left and is dragged along +x at 0.3 m/s slips to their own right."""
+    still = stand(1.0)
+    t = np.arange(len(still)) / still.fps
+    quat = still.joint_quat.copy()
+    quat[:, 0] = quat_mul(yaw_quat(np.pi / 2), quat[:, 0])
+    dragged = dataclasses.replace(still, root_pos=still.root_pos + np.outer(t, [0.3, 0, 0]), joint_quat=quat)
+    slip = _slip(dragged, np.ones((len(t), 4)))
+    assert slip[5:-5] == pytest.approx(np.tile([0.0, -0.3], (len(t) - 10, 1)), abs=1e-6)
+    assert np.abs(_slip(dragged, np.zeros((len(t), 4)))).max() == 0

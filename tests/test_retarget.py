@@ -16,7 +16,10 @@ from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton
 from motiongen.rotation import Array, quat_conj, quat_mul
 from retarget.collisions import collision_pairs
 from retarget.contacts import planted, runs
+from retarget.feet import CLEARANCE, pinned
+from retarget.goals import Goal
 from retarget.model import load_model
+from retarget.rest import Rest
 from retarget.retarget import retarget
 from retarget.rig import Mount, Rig, RigError, load_rig
 from retarget.timeline import ease, plan, smoothed, stretch
@@ -371,3 +374,25 @@ def test_smoothing_keeps_constants_lines_and_limits() -> None:
     assert np.abs(np.diff(quiet, axis=0)).max() <= np.abs(np.diff(noisy, axis=0)).max()
     line = np.arange(20.0)[:, None]
     assert smoothed(line)[2:-2] == pytest.approx(line[2:-2])
+
+
+def test_a_foot_that_passes_the_other_clears_the_floor() -> None:
+    """The left foot stands, the right one slides past it at 1 m/s along the floor: the goal lifts it, and it alone."""
+    count, fps, height = 50, 50.0, 0.9
+    sole = np.array([[-0.05, 0.0, -0.08], [0.15, 0.0, -0.08]])
+    upright = np.array([1.0, 0, 0, 0])
+    feet = ("left_ankle", "right_ankle")
+    rest = Rest(dict.fromkeys(feet, np.zeros(3)), dict.fromkeys(feet, upright), dict.fromkeys(feet, sole))
+    follow = {foot: next(f for f in load_rig("humanoid").follow if f.human == foot) for foot in feet}
+    still = np.tile([0.0, 0.1, 0.08], (count, 1))
+    sliding = np.stack([np.arange(count) / fps, np.full(count, -0.1), np.full(count, 0.08)], axis=1)
+    goals = {
+        foot: Goal(follow[foot], "", at, np.tile(upright, (count, 1)), np.ones(count))
+        for foot, at in zip(feet, (still, sliding), strict=True)
+    }
+    flags = {"left_ankle": np.ones(count, bool), "right_ankle": np.zeros(count, bool)}
+    out = pinned(goals, rest, flags, fps, height)
+    assert out["right_ankle"].pos[:, 2] == pytest.approx(0.08 + CLEARANCE * height)
+    assert out["left_ankle"].pos == pytest.approx(still)
+    both_still = pinned(goals | {"right_ankle": replace(goals["right_ankle"], pos=still)}, rest, flags, fps, height)
+    assert both_still["right_ankle"].pos[:, 2] == pytest.approx(0.08)
