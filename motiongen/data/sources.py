@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import io
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -181,7 +182,7 @@ def _humanml3d(folder: Path) -> list[Clip]:
 def _humanml3d_texts(path: Path) -> dict[tuple[float, float], list[str]]:
     """Captions by the seconds that they speak of, (0, 0) for the whole; a line is `caption#tokens#start#end`."""
     out: dict[tuple[float, float], list[str]] = {}
-    for line, text in enumerate(_text(path).splitlines(), start=1):
+    for line, text in enumerate(_text(path).split("\n"), start=1):
         parts = text.split("#")
         try:
             span = [0.0 if part in ("", "nan") else float(part) for part in parts[2:]]
@@ -264,17 +265,18 @@ def _drawn(captions: Sequence[str], name: str) -> tuple[str, ...]:
 
 def _csv_rows(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     """Line number and the values of `columns` of every row below the header."""
-    reader = csv.reader(_text(path).splitlines())
-    header = next(reader, [])
+    reader = csv.reader(io.StringIO(_text(path)))
+    try:
+        (_, header), *found = [(reader.line_num, row) for row in reader] or [(1, [])]
+    except csv.Error as error:
+        raise SourceError(f"{path}: line {reader.line_num}: {error}") from None
     if missing := [c for c in columns if c not in header]:
         raise SourceError(f"{path}: no column {missing[0]!r} in its first line; it needs {','.join(columns)}")
-    rows = []
-    for row in reader:
+    for line, row in found:
         if len(row) != len(header):
             what = f"{len(row)} values instead of {len(header)}" if row else "blank"
-            raise SourceError(f"{path}: line {reader.line_num}: {what}")
-        rows.append((reader.line_num, [row[header.index(c)] for c in columns]))
-    return rows
+            raise SourceError(f"{path}: line {line}: {what}")
+    return [(line, [row[header.index(c)] for c in columns]) for line, row in found]
 
 
 class _Caption(msgspec.Struct):
@@ -284,7 +286,7 @@ class _Caption(msgspec.Struct):
 
 def _jsonl_rows(path: Path) -> list[tuple[int, list[str]]]:
     rows = []
-    for number, line in enumerate(_text(path).splitlines(), start=1):
+    for number, line in enumerate(_text(path).split("\n"), start=1):
         try:
             row = msgspec.json.decode(line, type=_Caption)
         except msgspec.DecodeError as error:
@@ -297,6 +299,6 @@ def _jsonl_rows(path: Path) -> list[tuple[int, list[str]]]:
 def _text(path: Path) -> str:
     """The file's text without blank lines at its end."""
     try:
-        return path.read_text(encoding="utf-8-sig").rstrip()
+        return path.read_text(encoding="utf-8-sig").rstrip("\n")
     except UnicodeDecodeError:
         raise SourceError(f"{path}: not UTF-8 text") from None
