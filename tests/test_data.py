@@ -147,6 +147,10 @@ def test_the_split_is_a_known_hash_in_known_shares() -> None:
     assert [i for i in range(40) if split_of(f"clip {i}") == "test"] == [1, 5, 12, 26, 35]
 
 
+def test_pieces_of_a_clip_stay_together() -> None:
+    assert all(split_of(f"humanml3d/{i}@1-2.5") == split_of(f"humanml3d/{i}") for i in range(50))
+
+
 def test_phrasings_kept_for_testing_are_in_no_training_clip() -> None:
     tested = Counter()
     for clip in find_clips("gestures:60"):

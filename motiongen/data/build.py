@@ -89,8 +89,9 @@ def _prepare(out: Path, head: Head) -> bool:
             f"{out}: holds {state} of {there.clips} clips of {', '.join(there.sources)}, not {head.clips} of "
             f"{', '.join(head.sources)}; remove it or name another folder"
         )
-    for left_over in out.glob(".shard-*"):  # a process that was killed had no time to tidy up
-        left_over.unlink()
+    for ours in ("shard", "dataset", "report"):
+        for left_over in out.glob(f".{ours}-*"):  # a process that was killed had no time to tidy up
+            left_over.unlink()
     return there.finished
 
 
