@@ -7,6 +7,7 @@ used for testing only.
 from __future__ import annotations
 
 import hashlib
+import re
 from dataclasses import dataclass
 
 
@@ -208,12 +209,15 @@ STYLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 _SAME_STYLE = {"masculinity": "masculine", "old": "elderly", "tired": "exhausted"}
 
 _SUBJECTS = ("a person", "someone", "the person", "a man", "a woman", "the robot", "he", "she", "the figure")
+# Whole words ("leftwards" and "counterclockwise" too), so that nobody ends up standing "upleft".
+_SIDE = re.compile(r"\b(left|right|counterclockwise|clockwise)(?=(?:ward|wards|most|y)?\b)")
+_OTHER_SIDE = {"left": "right", "right": "left", "clockwise": "counterclockwise", "counterclockwise": "clockwise"}
 _TESTED_SHARE = 10  # one phrasing in ten is for testing only
 
 
 def swap_sides(text: str) -> str:
     """`text` with left and right exchanged, for the mirrored clip."""
-    return text.replace("left", "\0").replace("right", "left").replace("\0", "right")
+    return _SIDE.sub(lambda found: _OTHER_SIDE[found[1]], text)
 
 
 def style_name(label: str) -> str:

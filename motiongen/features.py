@@ -39,7 +39,7 @@ WIDTH = 140
 CONTACT_SPEED = 0.15  # m/s and …
 CONTACT_HEIGHT = 0.10  # m above where the joint lies when the sole is flat: the two of the contact label
 
-_MIRROR_JOINT = np.array(
+MIRRORED_JOINT = np.array(  # row of the joint on the other side
     [SMPL_JOINTS.index(n.replace("left", "?").replace("right", "left").replace("?", "right")) for n in SMPL_JOINTS]
 )
 _FEET = np.array([SMPL_JOINTS.index(n) for n in FOOT_JOINTS])
@@ -117,7 +117,7 @@ def mirror(features: NDArray[np.float32]) -> NDArray[np.float32]:
     out = np.array(features)
     out[..., YAW] *= -1
     out[..., 2] *= -1
-    turn = features[..., TURNS].reshape(*features.shape[:-1], len(SMPL_JOINTS), 2, 3)[..., _MIRROR_JOINT, :, :]
+    turn = features[..., TURNS].reshape(*features.shape[:-1], len(SMPL_JOINTS), 2, 3)[..., MIRRORED_JOINT, :, :]
     # Reflecting y conjugates a rotation R to S·R·S with S = diag(1, −1, 1).
     turn = turn * np.array([[1, -1, 1], [-1, 1, -1]], np.float32)
     out[..., TURNS] = turn.reshape(*features.shape[:-1], -1)

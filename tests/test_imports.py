@@ -15,13 +15,14 @@ LIGHT = (
     "motiongen.bvh",
     "motiongen.bvh_write",
     "motiongen.generator",
+    "motiongen.data.build",
     "motiongen.gestures.generator",
     "retarget.rig",
     "retarget.trajectory",
     "retarget.files",
     "sim.report",
 )
-VERBS = ("say", "play", "check", "view", "drive", "bus", "demo", "listing")
+VERBS = ("say", "play", "check", "view", "drive", "bus", "demo", "data", "listing")
 
 
 def modules(folder: str) -> list[str]:
