@@ -15,6 +15,8 @@ LIGHT = (
     "motiongen.bvh",
     "motiongen.bvh_write",
     "motiongen.generator",
+    "motiongen.measure",
+    "motiongen.say_numbers",
     "motiongen.gestures.generator",
     "retarget.rig",
     "retarget.trajectory",
