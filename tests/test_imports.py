@@ -16,6 +16,8 @@ LIGHT = (
     "motiongen.bvh_write",
     "motiongen.generator",
     "motiongen.data.build",
+    "motiongen.measure",
+    "motiongen.say_numbers",
     "motiongen.gestures.generator",
     "retarget.rig",
     "retarget.trajectory",
