@@ -87,10 +87,11 @@ def measure(motion: Motion) -> Measured:
 
 def main(path: Path) -> int:
     """Print what a motion in a file shows and what a caption may say of it; the exit code, 2 where it is unreadable."""
+    from motiongen.reading import read_motion
     from motiongen.say_numbers import clauses
 
     try:
-        found = measure(_read(path))
+        found = measure(read_motion(path))
     except (ValueError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
@@ -99,23 +100,6 @@ def main(path: Path) -> int:
     for clause in clauses(found):
         print(clause)
     return 0
-
-
-def _read(path: Path) -> Motion:
-    if path.suffix == ".bvh":
-        from motiongen.bvh import read_bvh
-
-        return read_bvh(path)
-    if path.suffix == ".npy":
-        from motiongen.humanml_files import read_humanml
-
-        return read_humanml(path)
-    if path.suffix == ".npz":
-        from motiongen.amass import is_amass, read_amass
-        from motiongen.files import load_motion, npz_names
-
-        return read_amass(path) if is_amass(npz_names(path)) else load_motion(path)
-    raise ValueError(f"{path}: cannot measure {path.suffix or 'a file without suffix'}; known are .bvh, .npy, .npz")
 
 
 if __name__ == "__main__":

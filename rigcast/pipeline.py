@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from motiongen.files import FileError, motion_from_arrays, npz_names, read_npz
+from motiongen.files import FileError, npz_names
 from motiongen.motion import Motion
-from retarget.files import trajectory_from_arrays
+from retarget.files import load_trajectory
 from retarget.rig import Mount, Rig, load_rig
 from retarget.robot_csv import Style, read_robot_csv
 from retarget.trajectory import Trajectory
@@ -45,31 +45,14 @@ def read(path: Path, rig: str | None = None, style: Style = "ours", fps: float |
         )
     if path.suffix != ".csv" and (style != "ours" or fps is not None):
         raise FileError(f"{path}: --style and --fps are for .csv files")
-    if path.suffix == ".bvh":
-        from motiongen.bvh import read_bvh
-
-        return read_bvh(path)
-    if path.suffix == ".npy":
-        from motiongen.humanml_files import read_humanml
-
-        return read_humanml(path)
     if path.suffix == ".csv":
         body = load_rig(rig or DEFAULT_RIG)
         return read_robot_csv(path, style, body.name, body.joint_names(), fps)
-    return _read_npz(path)
+    if path.suffix == ".npz" and "qpos" in npz_names(path):
+        return load_trajectory(path)
+    from motiongen.reading import read_motion
 
-
-def _read_npz(path: Path) -> Motion | Trajectory:
-    from motiongen.amass import is_amass, read_amass
-
-    if is_amass(npz_names(path)):
-        return read_amass(path)
-    kind, arrays = read_npz(path)
-    if kind == "motion":
-        return motion_from_arrays(arrays, path)
-    if kind == "trajectory":
-        return trajectory_from_arrays(arrays, path)
-    raise FileError(f"{path}: holds a {kind}, expected a motion or a trajectory")
+    return read_motion(path)
 
 
 def take(what: Motion | Trajectory, rig: Rig, mount: Mount | None, times: Times) -> Take:

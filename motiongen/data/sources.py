@@ -19,6 +19,7 @@ import numpy as np
 
 from motiongen.captions import CONTENTS, kept_for_testing, phrasings, style_name, swap_sides
 from motiongen.motion import Motion
+from motiongen.reading import read_motion
 
 MOST_CAPTIONS = 24  # a clip, where a grammar could say hundreds
 HUMANML3D_LICENCE = "texts MIT (HumanML3D); motions on the terms of AMASS and HumanAct12"
@@ -227,22 +228,6 @@ _FORMS = ", ".join((*(f"{kind}:FOLDER" for kind in _FOLDERS), "gestures:COUNT"))
 
 
 # ---- Reading
-
-
-def read_motion(path: Path) -> Motion:
-    """The human motion in a `.bvh`, `.npz` (ours or AMASS) or `.npy` (HumanML3D) file; raises ValueError, OSError."""
-    if path.suffix == ".bvh":
-        from motiongen.bvh import read_bvh
-
-        return read_bvh(path)
-    if path.suffix == ".npy":
-        from motiongen.humanml_files import read_humanml
-
-        return read_humanml(path)
-    from motiongen.amass import is_amass, read_amass
-    from motiongen.files import load_motion, npz_names
-
-    return read_amass(path) if is_amass(npz_names(path)) else load_motion(path)
 
 
 def _cut(motion: Motion, start: int, end: int) -> Motion:
