@@ -78,20 +78,6 @@ def load_arrays(path: str | Path, wanted: Collection[str] | None = None) -> dict
         return {name: np.asarray(archive[name]) for name in archive.files if wanted is None or name in wanted}
 
 
-def read_npz(path: str | Path) -> tuple[str, dict[str, Any]]:
-    """Read an `.npz` of ours: its kind and its arrays by name.
-
-    Raises FileError where it is no `.npz`, damaged, foreign or of another version; OSError where it cannot be opened.
-    """
-    arrays = load_arrays(path)
-    kind, version = arrays.pop("kind", None), arrays.pop("version", None)
-    if kind is None or version is None or kind.shape or version.shape or version.dtype.kind not in "iu":
-        raise FileError(f"{path}: not written by rigcast (no kind and version in it: {', '.join(arrays) or 'empty'})")
-    if int(version) != VERSION:
-        raise FileError(f"{path}: format version {int(version)}, this rigcast reads version {VERSION}")
-    return str(kind), arrays
-
-
 @contextmanager
 def _opened(path: str | Path) -> Iterator[NpzFile]:
     """The archive, its size checked; whatever goes wrong in reading it becomes one line."""
@@ -111,9 +97,18 @@ def _opened(path: str | Path) -> Iterator[NpzFile]:
 
 
 def read_kind(path: str | Path, kind: str) -> dict[str, Any]:
-    """Arrays of an `.npz` of ours that must be of `kind`; raises as `read_npz` does."""
-    found, arrays = read_npz(path)
-    if found != kind:
+    """Arrays by name of an `.npz` of ours that must be of `kind`.
+
+    Raises FileError where it is no `.npz`, damaged, foreign, of another kind or version; OSError where it cannot be
+    opened.
+    """
+    arrays = load_arrays(path)
+    found, version = arrays.pop("kind", None), arrays.pop("version", None)
+    if found is None or version is None or found.shape or version.shape or version.dtype.kind not in "iu":
+        raise FileError(f"{path}: not written by rigcast (no kind and version in it: {', '.join(arrays) or 'empty'})")
+    if int(version) != VERSION:
+        raise FileError(f"{path}: format version {int(version)}, this rigcast reads version {VERSION}")
+    if str(found) != kind:
         raise FileError(f"{path}: holds a {found}, expected a {kind}")
     return arrays
 
@@ -154,11 +149,7 @@ def load_motion(path: str | Path) -> Motion:
     Raises FileError where the file is damaged, foreign, of another kind or version, or holds NaN, no frames or a frame
     rate that is not above 0; OSError where it cannot be opened.
     """
-    return motion_from_arrays(read_kind(path, "motion"), path)
-
-
-def motion_from_arrays(arrays: Mapping[str, Any], path: str | Path) -> Motion:
-    """The motion in the `arrays` of a file of kind "motion"; `path` is for the message. Raises FileError."""
+    arrays = read_kind(path, "motion")
     try:
         labels, source = notes_from_json(str(arrays["notes"]))
         ankle, toe = (float(h) for h in arrays["foot_height"])

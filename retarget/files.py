@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +33,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
     Raises FileError where the file is damaged, foreign, of another kind or version, or holds NaN, no frames or a frame
     rate that is not above 0; OSError where it cannot be opened.
     """
-    return trajectory_from_arrays(read_kind(path, "trajectory"), path)
-
-
-def trajectory_from_arrays(arrays: Mapping[str, Any], path: str | Path) -> Trajectory:
-    """The trajectory in the `arrays` of a file of kind "trajectory"; `path` is for the message. Raises FileError."""
+    arrays = read_kind(path, "trajectory")
     try:
         labels, source = notes_from_json(str(arrays["notes"]))
         joints = tuple(map(str, arrays["joints"]))
