@@ -44,7 +44,7 @@ def make_bank(data: Dataset, texts: Texts) -> Bank:
     each = max(2, BANK // len(contents))
     vectors, which = [], []
     for i, name in enumerate(contents):
-        sentences = texts.batch(sorted(by_content[name]))[2]
+        sentences = texts.sentences(sorted(by_content[name]))
         chosen = sentences[_spread(sentences, each)]
         vectors.append(chosen)
         which += [i] * len(chosen)
@@ -65,7 +65,7 @@ def make_lengths(data: Dataset, texts: Texts) -> Tensors:
     """The network that tells the length of a motion from its text."""
     said = [(c, data.entries[i]) for c, i, _ in _said(data)]
     said = [(c, e) for c, e in said if e.frames <= LONGEST or e.source in CUT]
-    return fit_lengths(texts.batch([c for c, _ in said])[2], np.array([_seconds(c, e) for c, e in said]))
+    return fit_lengths(texts.sentences([c for c, _ in said]), np.array([_seconds(c, e) for c, e in said]))
 
 
 def _seconds(caption: str, entry: Entry) -> float:

@@ -91,7 +91,7 @@ def clips_of(data: Dataset, contents: list[str], split: str) -> dict[str, list[t
 
 
 def train_contents(data: Dataset, contents: list[str], *, steps: int, seed: int = 0) -> Contents:
-    """A classifier of `contents`, each drawn equally often, from the clips of the training split and their mirror images.
+    """A classifier of `contents`, each drawn equally often, from the training clips and their mirror images.
 
     Raises ValueError naming a content without training clips.
     """
