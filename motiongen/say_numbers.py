@@ -75,7 +75,7 @@ def says_number(caption: str) -> bool:
 
 def says_time(caption: str) -> bool:
     """Whether a caption says how many seconds its clip lasts."""
-    return bool(re.search(r" seconds?$", caption))
+    return bool(re.search(r" seconds?[!?]?$", caption))
 
 
 def facts(measured: Measured) -> tuple[Said, ...]:
@@ -96,11 +96,12 @@ def clauses(measured: Measured) -> tuple[str, ...]:
 
 
 def with_numbers(caption: str, measured: Measured) -> tuple[str, ...]:
-    """`caption` with each fact that fits it, one at a time; a caption that has numbers already gets none."""
-    caption = caption.rstrip(" .")
-    if says_number(caption):
+    """`caption` with each fact that fits it, one at a time, before its ! or ?; none where it has numbers already."""
+    words = caption.rstrip(" .!?")
+    if says_number(words):
         return ()
-    return tuple(new for said in facts(measured) if (new := said.added_to(caption)))
+    end = caption.rstrip()[-1:] if caption.rstrip().endswith(("!", "?")) else ""
+    return tuple(new + end for said in facts(measured) if (new := said.added_to(words)))
 
 
 def _for_seconds(span: str) -> Said:

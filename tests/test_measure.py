@@ -215,6 +215,9 @@ def test_captions_say_what_is_clear_cut() -> None:
         "bow once",
     )
     assert with_numbers("wave twice", wave) == ()
+    assert with_numbers("can you wave?", quick) == ("can you wave three times?", "can you wave 3 times?")
+    assert with_numbers("wave!", quick)[0] == "wave three times!"
+    assert with_numbers("a person waves.", quick)[0] == "a person waves three times"
 
 
 def test_words_for_numbers() -> None:
