@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from motions import motion, stand, walk, wave
@@ -20,7 +21,8 @@ from motiongen.bvh_write import write_bvh
 from motiongen.captions import kept_for_testing, phrasings, swap_sides
 from motiongen.data.build import build
 from motiongen.data.clip import Clip, Sample, SourceError, split_of
-from motiongen.data.dataset import DatasetError, open_dataset
+from motiongen.data.dataset import DatasetError, Entry, open_dataset
+from motiongen.data.pictures import CELL, LEFT, POSES, RIGHT, TITLE, different, draw_clips
 from motiongen.data.read_clips import read_clips
 from motiongen.data.sources import find_clips
 from motiongen.features import motion_to_features
@@ -238,6 +240,44 @@ def test_the_report_counts(folder: Path, tmp_path: Path) -> None:
     page = (tmp_path / "out" / "report.md").read_text()
     assert "| folder | not stated | 2 | 0.00 | 4 |" in page
     assert "| gestures | Apache-2.0 | 2 |" in page
+    spans = [found for found in re.findall(r"^\| (?:over )?\d.* s \| (\d+) \|", page, re.M)]
+    assert sum(map(int, spans)) == 4
+    assert "![Some of the clips as stick figures](report.png)" in page
+
+
+def test_a_data_set_without_pillow_has_no_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    assert build(["gestures:1"], tmp_path / "out")[1]
+    assert "report.png" not in (tmp_path / "out" / "report.md").read_text()
+    assert not (tmp_path / "out" / "report.png").exists()
+
+
+def test_stick_figures_stand_where_the_joints_are(folder: Path, tmp_path: Path) -> None:
+    """The hand that waves is over the shoulder, on the picture's left and blue: it is the right one, seen from ahead."""
+    from PIL import Image
+
+    dataset, _ = build([f"folder:{folder}"], tmp_path / "out")
+    draw_clips(dataset, [1], tmp_path / "clip.png")
+    with Image.open(tmp_path / "clip.png") as picture:
+        rgb = np.asarray(picture.convert("RGB")).astype(int)
+    middle = slice(4 * CELL[0], 5 * CELL[0])
+    assert rgb.shape == (CELL[1] + TITLE, POSES * CELL[0], 3)
+
+    def highest(colour: tuple[int, int, int]) -> tuple[int, int]:
+        rows, columns = np.nonzero((np.abs(rgb[TITLE:, middle] - colour) < 12).all(-1))
+        return int(rows.min()), int(columns[rows.argmin()])
+
+    (blue, across), (red, _) = highest(RIGHT), highest(LEFT)
+    assert blue < red - 10
+    assert across < CELL[0] / 2 - 10
+
+
+def test_different_contents_are_picked() -> None:
+    content = [("a", ""), ("b", ""), ("a", ""), ("c", ""), ("d", ""), ("b", "")]
+    entries = [Entry(str(i), "", "", "", "train", 0, 1, (), (), c, s, (), (0, 0)) for i, (c, s) in enumerate(content)]
+    assert different(entries, 2) == [0, 4]
+    assert different(entries, 9) == [0, 1, 3, 4]
+    assert different([msgspec.structs.replace(e, content="") for e in entries], 3) == [0, 2, 5]
 
 
 def test_any_number_of_jobs_writes_the_same_bytes(folder: Path, tmp_path: Path) -> None:
@@ -384,6 +424,9 @@ def test_a_bad_jsonl_line_is_named(folder: Path, line: str) -> None:
         (["show", "good", "--clip", "2"], "no clip 2 in good; there are 0 to 1"),
         (["show", "good", "--out", "a.gif"], "a.gif: the suffix must be .png"),
         (["show", "good", "--out", "nowhere/a.png"], "no folder nowhere"),
+        (["show", "good", "--sheet", "2"], "--sheet 2 needs --out FILE.png and no --clip"),
+        (["show", "good", "--sheet", "0", "--out", "a.png"], "--sheet 0: 1 to 60 clips"),
+        (["build", "gestures:2", "--jobs", "0", "--out", "new"], "jobs must be 1 or more, not 0"),
     ],
 )
 def test_a_mistake_is_one_line_and_exit_2(
@@ -462,6 +505,20 @@ def test_show_lists_tells_and_draws(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert all(caption in capsys.readouterr().out.splitlines()[1] for caption in dataset.captions(shortest, True)[:1])
     with Image.open(sheet) as picture:
         assert picture.size == (1280, 680)
+
+
+def test_a_sheet_has_a_row_a_clip(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from PIL import Image
+
+    dataset, _ = build(["gestures:3"], tmp_path / "out")
+    sheet = tmp_path / "sheet.png"
+    assert main(["data", "show", str(tmp_path / "out"), "--sheet", "2", "--out", str(sheet)]) == 0
+    assert capsys.readouterr().out.splitlines() == [f"{i}: {dataset.captions(i)[0]}" for i in (0, 2)]
+    with Image.open(sheet) as picture:
+        assert picture.size == (896, 328)
+        pixels = np.asarray(picture.convert("L")).astype(int)
+    panels = pixels[24:164].reshape(140, 7, 128)
+    assert np.abs(panels[:, 0] - panels[:, 3]).max() > 30  # something moves
 
 
 def test_standing_still_has_no_spread_that_is_not_a_number(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -17,13 +17,13 @@ from motiongen.data.dataset import (
     DatasetError,
     Entry,
     Head,
-    Skipped,
-    map_shard,
+    load_shards,
     open_dataset,
     read_head,
     read_shards,
     shard_name,
 )
+from motiongen.data.pictures import different, draw_clips
 from motiongen.data.read_clips import Features, Line, read_clips
 from motiongen.data.report import report
 from motiongen.data.sources import absolute, find_all
@@ -31,6 +31,7 @@ from motiongen.features import WIDTH, mirror
 from motiongen.files import replacing
 
 SHARD_BYTES = 10_000_000  # what an interruption can lose: some ten minutes of motion, seconds of work
+PICTURED = 8  # clips in the report's picture
 
 
 def build(
@@ -128,25 +129,23 @@ def _write_shard(out: Path, number: int, rows: Sequence[Features], lines: Sequen
 
 def _finish(out: Path, head: Head) -> None:
     """Statistics and report, then the mark that all is there."""
-    shards = read_shards(out)
-    lines = [line for lines in shards for line in lines]
-    entries = [line for line in lines if isinstance(line, Entry)]
-    skipped = [line for line in lines if isinstance(line, Skipped)]
-    if not entries:
-        raise SourceError(f"none of the {head.clips} clips can be read; the first, {skipped[0].name}: {skipped[0].why}")
-    mean, std = _statistics(_training(out, shards))
-    _write(out / "report.md", report(head, entries, skipped).encode())
+    found = load_shards(out, head)
+    if not found.entries:
+        first = found.skipped[0]
+        raise SourceError(f"none of the {head.clips} clips can be read; the first, {first.name}: {first.why}")
+    mean, std = _statistics(found.features(i) for i, entry in enumerate(found.entries) if entry.split == "train")
+    _write(out / "report.md", report(found, _pictured(found, out / "report.png")).encode())
     finished = msgspec.structs.replace(head, finished=True, mean=mean, std=std)
     _write(out / "dataset.json", msgspec.json.encode(finished))
 
 
-def _training(out: Path, shards: Sequence[Sequence[Line]]) -> Iterator[NDArray[np.float32]]:
-    """Features (T, 140) of the clips of the training split."""
-    for number, lines in enumerate(shards):
-        rows = map_shard(out, number, lines)
-        for line in lines:
-            if isinstance(line, Entry) and line.split == "train":
-                yield rows[line.start : line.start + line.frames].astype(np.float32)
+def _pictured(found: Dataset, path: Path) -> bool:
+    """Whether a picture of a few clips could be drawn: a data set is whole without, as rigcast is without Pillow."""
+    try:
+        draw_clips(found, different(found.entries, PICTURED), path)
+    except ModuleNotFoundError:
+        return False
+    return True
 
 
 def _statistics(clips: Iterable[NDArray[np.float32]]) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -118,12 +118,17 @@ def open_dataset(folder: str | Path) -> Dataset:
     head = read_head(folder)
     if not head.finished:
         raise DatasetError(f"{folder}: the build was interrupted; run the same rigcast data build again to finish it")
+    return load_shards(folder, head)
+
+
+def load_shards(folder: Path, head: Head) -> Dataset:
+    """The data set of the shards in `folder`, finished or not; raises DatasetError where they are not all there."""
     entries: list[Entry] = []
     skipped: list[Skipped] = []
     shard_of: list[int] = []
     shards = []
     for number, lines in enumerate(read_shards(folder)):
-        shards.append(map_shard(folder, number, lines))
+        shards.append(_map(folder, number, lines))
         clips = [line for line in lines if isinstance(line, Entry)]
         entries += clips
         skipped += [line for line in lines if isinstance(line, Skipped)]
@@ -163,7 +168,7 @@ def shard_name(number: int) -> str:
     return f"shard-{number:04d}"
 
 
-def map_shard(folder: Path, number: int, lines: Sequence[Entry | Skipped]) -> NDArray[np.float16]:
+def _map(folder: Path, number: int, lines: Sequence[Entry | Skipped]) -> NDArray[np.float16]:
     """A shard's features, not read before they are used; raises DatasetError where they do not fit its `lines`."""
     path = folder / f"{shard_name(number)}.npy"
     frames = sum(line.frames for line in lines if isinstance(line, Entry))
