@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,13 +19,14 @@ RIG = "humanoid"
 MOUNT: Mount = "free"  # the clip as it is, walking where it walks
 
 
-def build(sources: Positional[tuple[str, ...]], /, *, out: Path) -> int:
+def build(sources: Positional[tuple[str, ...]], /, *, out: Path, jobs: int | None = None) -> int:
     """Make a data set in a folder; where it was interrupted, the same command goes on.
 
     Args:
-        sources: bandai-namco:FOLDER, cmu:FOLDER (with index.csv), humanml3d:FOLDER, folder:FOLDER (with captions.csv or
-            captions.jsonl) or gestures:COUNT, any number of them; see docs/data.md.
+        sources: bandai-namco:FOLDER, cmu:FOLDER (with index.csv), humanml3d:FOLDER, kit-ml:FOLDER, folder:FOLDER (with
+            captions.csv or captions.jsonl) or gestures:COUNT, any number of them; see docs/data.md.
         out: Folder of the data set.
+        jobs: Processes that read clips; as many as there are cores where it is not said.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -36,7 +38,10 @@ def build(sources: Positional[tuple[str, ...]], /, *, out: Path) -> int:
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
         task = bar.add_task("reading clips", total=None)
         dataset, fresh = build_dataset(
-            sources, out, progress=lambda done, total: bar.update(task, completed=done, total=total)
+            sources,
+            out,
+            jobs=(os.cpu_count() or 1) if jobs is None else jobs,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     if dataset.skipped:
         warn(f"{len(dataset.skipped)} clips were skipped, the first because {dataset.skipped[0].why}; see report.md")

@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,12 +29,16 @@ class DatasetError(ValueError):
 
 
 class Head(msgspec.Struct, frozen=True):
-    """What `dataset.json` says. `clips`: how many the sources hold. `mean` and `std` (140) are over all clips and their
-    mirror images, empty until the build is `finished`."""
+    """What `dataset.json` says. `clips`: how many the sources hold; `stamp` changes when they do.
+
+    `mean` and `std` (140) are over the clips of the training split and their mirror images; empty until the build is
+    `finished`, and where that split has no clip.
+    """
 
     version: int
     sources: tuple[str, ...]
     clips: int
+    stamp: str = ""
     finished: bool = False
     mean: tuple[float, ...] = ()
     std: tuple[float, ...] = ()
@@ -118,8 +123,8 @@ def open_dataset(folder: str | Path) -> Dataset:
     shard_of: list[int] = []
     shards = []
     for number, lines in enumerate(read_shards(folder)):
+        shards.append(map_shard(folder, number, lines))
         clips = [line for line in lines if isinstance(line, Entry)]
-        shards.append(_map(folder / f"{shard_name(number)}.npy", sum(clip.frames for clip in clips)))
         entries += clips
         skipped += [line for line in lines if isinstance(line, Skipped)]
         shard_of += [number] * len(clips)
@@ -158,8 +163,10 @@ def shard_name(number: int) -> str:
     return f"shard-{number:04d}"
 
 
-def _map(path: Path, frames: int) -> NDArray[np.float16]:
-    """A shard's features, not read before they are used; raises DatasetError where they are not `frames` rows."""
+def map_shard(folder: Path, number: int, lines: Sequence[Entry | Skipped]) -> NDArray[np.float16]:
+    """A shard's features, not read before they are used; raises DatasetError where they do not fit its `lines`."""
+    path = folder / f"{shard_name(number)}.npy"
+    frames = sum(line.frames for line in lines if isinstance(line, Entry))
     try:
         rows = np.load(path, mmap_mode="r", allow_pickle=False) if frames else np.zeros((0, WIDTH), np.float16)
     except (OSError, ValueError, SyntaxError):  # whatever numpy makes of a damaged header
