@@ -9,6 +9,7 @@ from motiongen.measure import Measured
 
 # Gaits carry another clip's upper body. Those that go on evenly can be made longer; a turn would become another one.
 EVEN_GAITS = ("walk", "run", "dash", "walk-back", "walk-left", "walk-right")
+FAST_GAITS = ("run", "dash")  # nobody stops from, or starts with, one of these within a step
 GAITS = (*EVEN_GAITS, "walk-turn-left", "walk-turn-right", "march")
 
 _ONE_ARM = (

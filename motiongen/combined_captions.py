@@ -12,13 +12,16 @@ from itertools import product
 from motiongen.gestures.phrases import third_person
 
 _SUBJECTS = ("a person", "someone", "the person", "the robot", "he", "she")
-MOST_PHRASES = 4  # of a part, in the grammar of a combination: their product is hundreds
+MOST_PHRASES = 5  # of a part, in the grammar of a combination: their product is hundreds
 # "walks and turns left" cannot be joined with "and then" and still be understood.
-_MANIFOLD = re.compile(r"\b(and|then|while|after|before|as|now)\b|,")
+_MANIFOLD = re.compile(r"\b(and|then|while|after|before|now)\b|,|^(is|are) ")
 _THIRD = re.compile(r"(?:an? (?:[\w-]+ )*(?:person|man|woman|figure|robot)|someone|the \w+|he|she|they) (\w+s .+|\w+s)")
 _ASKED = re.compile(r"please (\w.+|\w+)")
 _NO_DOING = re.compile(r"(keep|go) \w+ing\b|be ")
-_DOUBLED = ("run", "jog", "step", "nod", "clap", "hop", "stop", "sit", "flap", "rub", "put", "tip", "cup")
+_DOUBLED = (
+    "bid", "clap", "cup", "flap", "get", "hit", "hop", "hug", "jog", "nod", "put", "rub", "run", "shrug", "sidestep",
+    "signal", "sit", "spin", "squat", "step", "stop", "swim", "tap", "tip",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Phrases:
 
 
 def phrases_of(captions: Iterable[str]) -> Phrases:
-    """The verb phrases in `captions` that can be joined with others, shortest first; those in other frames are left out.
+    """The verb phrases in `captions` that can be joined with others, each once, at most 5; those in other frames are left out.
 
     Raises ValueError where there is none in the third person, or none of "please …".
     """
@@ -93,8 +96,7 @@ def doing(plain: str) -> str:
 
 
 def _simple(said: Iterable[str]) -> tuple[str, ...]:
-    once = {phrase for phrase in said if not _MANIFOLD.search(phrase)}
-    return tuple(sorted(once, key=lambda phrase: (len(phrase), phrase))[:MOST_PHRASES])
+    return tuple(dict.fromkeys(phrase for phrase in said if not _MANIFOLD.search(phrase)))[:MOST_PHRASES]
 
 
 def _doable(phrases: Phrases) -> tuple[str, ...]:
