@@ -65,7 +65,7 @@ def parts_for(action: str) -> tuple[str, ...]:
     it needs the legs, or says nothing about the hands."""
     side = re.search(r"-(left|right)(-hand)?$", action)
     family = re.sub(r"-(left|right|both)$", "", action)
-    if action.startswith(("wave-", "raise-up-")) and action.endswith(("-hand", "-hands")) or family in _ONE_ARM:
+    if re.match(r"(wave|raise-up)-.*-hands?$", action) or family in _ONE_ARM:
         arm = f"{side[1]}_arm" if side else "arms"
         return (arm, "head") if family in _EYES_TOO else (arm,)
     if family in _BOTH_ARMS:
@@ -76,7 +76,7 @@ def parts_for(action: str) -> tuple[str, ...]:
 
 
 def why_not(lower: Measured, upper: Measured, parts: tuple[str, ...]) -> str:
-    """Why the `parts` of one clip do not go on the legs of the other, by what both were measured to do; "" if they do."""
+    """Why the `parts` of one clip do not go on the legs of the other, by what both were measured to do, or ""."""
     if upper.steps or upper.jumps or upper.squats:
         return "the upper clip needs its own legs: it steps, jumps or squats"
     if abs(upper.turn_deg) > _AT_MOST_TURNED:

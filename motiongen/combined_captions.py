@@ -33,7 +33,7 @@ class Phrases:
 
 
 def phrases_of(captions: Iterable[str]) -> Phrases:
-    """The verb phrases in `captions` that can be joined with others, each once, at most 5; those in other frames are left out.
+    """The verb phrases in `captions` that can be joined with others, at most 5 of a kind, each once.
 
     Raises ValueError where there is none in the third person, or none of "please …".
     """

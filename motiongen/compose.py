@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motiongen.motion import SMPL_JOINTS, Label, Motion, Source
 from motiongen.parts import PARTS, joints_of
@@ -18,13 +19,12 @@ BLEND_S = 0.4  # s in which a part goes over to the other clip where that begins
 SEAM_S = 0.6  # s in which one motion goes over into the next: a step takes about as long
 HAND = 0.08  # m from the wrist to the middle of the hand
 
+_STILL = np.array([1.0, 0.0, 0.0, 0.0])
 _CHEST = SMPL_JOINTS.index("spine3")
 _BONES = (("pelvis", "spine3"), ("spine3", "neck"), ("neck", "head"))
 
 
-def overlay(
-    lower: Motion, upper: Motion, parts: Sequence[str] = ("upper_body",), *, start_s: float = 0.0
-) -> Motion:
+def overlay(lower: Motion, upper: Motion, parts: Sequence[str] = ("upper_body",), *, start_s: float = 0.0) -> Motion:
     """`lower` with the named parts of the body (see `motiongen.parts`) moving as in `upper`, from `start_s` on.
 
     The result is as long as `lower`, on its skeleton and at its frames a second; root, pelvis and every joint that is
@@ -143,7 +143,7 @@ def _within(labels: Sequence[Label], shift_s: float, end_s: float) -> tuple[Labe
     return tuple(label for label in cut if label.start_s < label.end_s)
 
 
-def _carried(lower: Motion, upper: Motion, rows: Array, joints: tuple[int, ...]) -> Array:
+def _carried(lower: Motion, upper: Motion, rows: NDArray[np.int_], joints: tuple[int, ...]) -> Array:
     """Local turns (T, 22, 4) of `upper` in its frames `rows`, trunk or head steadied against the sway of `lower`."""
     out = upper.joint_quat[rows]
     torso, head = PARTS["torso"], PARTS["head"]
@@ -155,7 +155,7 @@ def _carried(lower: Motion, upper: Motion, rows: Array, joints: tuple[int, ...])
     return out
 
 
-def _steadied(under: Array, own: Array, rows: Array, chain: Array, fps: float) -> Array:
+def _steadied(under: Array, own: Array, rows: NDArray[np.int_], chain: Array, fps: float) -> Array:
     """Local turns (T, n, 4) of a `chain` of joints that hangs on `under` (T, 4) and is to end as it did on `own`.
 
     "As it did": relative to the body averaged over strides. Of what the body under it sways beside its average, each
@@ -164,10 +164,10 @@ def _steadied(under: Array, own: Array, rows: Array, chain: Array, fps: float) -
     own_steady, steady = _averaged(own, fps), _averaged(under, fps)
     wanted = quat_mul(steady, quat_mul(quat_conj(own_steady), own)[rows])  # what the chain is to hang on …
     back = quat_mul(quat_conj(under), wanted)  # … seen from what it does hang on
-    out, world, before = np.empty_like(chain), np.zeros_like(under) + [1.0, 0, 0, 0], under
+    out, world, before = np.empty_like(chain), _STILL, under
     for i in range(chain.shape[1]):
         world = quat_mul(world, chain[:, i])
-        turn = quat_mul(under, quat_mul(slerp(np.array([1.0, 0, 0, 0]), back, (i + 1) / chain.shape[1]), world))
+        turn = quat_mul(under, quat_mul(slerp(_STILL, back, (i + 1) / chain.shape[1]), world))
         out[:, i] = quat_mul(quat_conj(before), turn)
         before = turn
     return out

@@ -29,7 +29,9 @@ def with_ankles(motion: Motion, ankles: Array) -> Array:
         reach = _distance(at, hip, ankle)
         short = far > np.maximum(STRAIGHT * (thigh + shin), reach) + 1e-6
         if short.any():
-            raise ValueError(f"the {side} foot is {far[short].max():.3f} m from its hip; the leg is {thigh + shin:.3f} m")
+            raise ValueError(
+                f"the {side} foot is {far[short].max():.3f} m from its hip; the leg is {thigh + shin:.3f} m"
+            )
         # The knee opens or closes about its own axis until the ankle is as far from the hip as its goal …
         bend = _knee_angle(thigh, shin, far) - _knee_angle(thigh, shin, reach)
         upper, lower = at[:, knee] - at[:, hip], at[:, ankle] - at[:, knee]

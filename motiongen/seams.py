@@ -1,7 +1,7 @@
 """Where one motion can go over into another, and how: on a foot that stands in both, the rest inertialized.
 
-"Inertialization: High-Performance Animation Transitions in Gears of War" (Bollo, GDC 2018): the second motion plays from
-the seam on, plus what the first differed from it there, in place and speed; that offset dies away by a quintic.
+"Inertialization: High-Performance Animation Transitions in Gears of War" (Bollo, GDC 2018): the second motion plays
+from the seam on, plus what the first differed from it there, in place and speed; that offset dies away by a quintic.
 """
 
 from __future__ import annotations
@@ -109,7 +109,10 @@ def on_skeleton(motion: Motion, skeleton: Skeleton) -> Motion:
 
     Raises ValueError where a foot is out of the reach of its leg.
     """
-    if np.array_equal(skeleton.offsets, motion.skeleton.offsets) and skeleton.foot_height == motion.skeleton.foot_height:
+    if (
+        np.array_equal(skeleton.offsets, motion.skeleton.offsets)
+        and skeleton.foot_height == motion.skeleton.foot_height
+    ):
         return motion
     scale = sum(leg_bones(skeleton, "left")) / sum(leg_bones(motion.skeleton, "left"))
     ankle, new_ankle = motion.skeleton.foot_height[0], skeleton.foot_height[0]

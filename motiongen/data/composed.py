@@ -17,10 +17,10 @@ import numpy as np
 from motiongen.combinations import EVEN_GAITS, FAST_GAITS, GAITS, HELD_OUT_PAIRS, held_out, parts_for, why_not
 from motiongen.combined_captions import at_once, one_after_another, phrases_of
 from motiongen.compose import clearance, looped, overlay, sequence
-from motiongen.data.clip import Clip, Sample, SourceError, cut, drawn
+from motiongen.data.clip import Clip, Sample, SourceError, cut, drawn, split_of
 from motiongen.features import FPS
 from motiongen.gestures.catalogue import draw
-from motiongen.measure import Measured, measure
+from motiongen.measure import measure
 from motiongen.motion import Label, Motion, Source
 
 TRIES = 8  # combinations drawn for a clip, of which the first that goes well is taken
@@ -44,10 +44,9 @@ class _Try:
 
 @dataclass(frozen=True)
 class _Part:
-    """A clip that was read: its motion at 30 frames a second, what it was measured to do, captions of both sides."""
+    """A clip that was read: its motion at 30 frames a second, captions of it and of its mirror image."""
 
     motion: Motion
-    measured: Measured
     captions: tuple[str, ...]
     mirrored: tuple[str, ...]
 
@@ -64,7 +63,8 @@ def composed_clips(count: int, others: Sequence[Clip]) -> list[Clip]:
             by_split[clip.split][content_of(clip)].append(clip)
     if not by_split:
         raise SourceError(f"composed:{count}: needs one of the sources {' and '.join(_PARTS_OF)} beside it")
-    return [_composed(number, by_split) for number in range(count)]
+    choices = {split: _choices(there) for split, there in by_split.items()}
+    return [_composed(number, choices) for number in range(count)]
 
 
 def content_of(clip: Clip) -> str:
@@ -78,75 +78,87 @@ def content_of(clip: Clip) -> str:
     return said[1]
 
 
-def _composed(number: int, by_split: Mapping[str, Mapping[str, list[Clip]]]) -> Clip:
+@dataclass(frozen=True)
+class _Choices:
+    """What a split has: clips by content; pairs of contents that can be done at once, those held out apart; contents."""
+
+    clips: Mapping[str, Sequence[Clip]]
+    pairs: tuple[tuple[str, ...], ...]
+    held_out: tuple[tuple[str, ...], ...]
+    gaits: tuple[str, ...]
+    others: tuple[str, ...]
+
+
+def _choices(clips: Mapping[str, Sequence[Clip]]) -> _Choices:
+    gaits = tuple(gait for gait in GAITS if gait in clips)
+    actions = [content for content in sorted(clips) if parts_for(content)]
+    return _Choices(
+        clips,
+        pairs=tuple((gait, action) for gait in gaits for action in actions if not held_out(gait, action)),
+        held_out=tuple(pair for pair in HELD_OUT_PAIRS if all(content in clips for content in pair)),
+        gaits=gaits,
+        others=tuple(content for content in sorted(clips) if content not in (*GAITS, "idle")),
+    )
+
+
+def _composed(number: int, choices: Mapping[str, _Choices]) -> Clip:
     name = f"composed/{number:06d}"
-    split = Clip(name, "composed", "", partial(_load, name, (), ())).split
-    there = by_split[split] if split in by_split else {}
-    rng = np.random.default_rng([number, 5])
-    pairs = _pairs(there, testing=split == "test" and number % 4 == 0)
-    tries, wanted = [], "at once" if number % 2 == 0 else "one after another"
-    for _ in range(TRIES):
-        contents = _of(rng, pairs) if number % 2 == 0 else _row(rng, sorted(there))
+    rng, split = np.random.default_rng(number), split_of(name)
+    together, tries = number % 2 == 0, []
+    for _ in range(TRIES if split in choices else 0):
+        there = choices[split]
+        contents = _pair(rng, there, testing=split == "test") if together else _row(rng, there)
         if contents:
-            clips = tuple(there[content][rng.integers(len(there[content]))] for content in contents)
+            clips = tuple(there.clips[content][int(rng.integers(len(there.clips[content])))] for content in contents)
             tries.append(_Try(clips, contents, int(rng.integers(2**31))))
     made_of = "\n".join(f"{clip.name} {clip.stamp}" for one in tries for clip in one.clips)
     stamp = hashlib.sha256(made_of.encode()).hexdigest()[:16]
-    return Clip(name, "composed", "", partial(_load, name, wanted, tuple(tries)), stamp)
+    return Clip(name, "composed", "", partial(_load, name, together, tuple(tries)), stamp)
 
 
-def _pairs(there: Mapping[str, list[Clip]], testing: bool) -> list[tuple[str, ...]]:
-    """Gaits and actions that can be done at once: those held out if `testing`, else all others."""
-    if testing:
-        return [pair for pair in HELD_OUT_PAIRS if all(content in there for content in pair)]
-    gaits = [gait for gait in GAITS if gait in there]
-    actions = [action for action in sorted(there) if parts_for(action)]
-    return [(gait, action) for gait in gaits for action in actions if not held_out(gait, action)]
+def _pair(rng: np.random.Generator, there: _Choices, testing: bool) -> tuple[str, ...]:
+    """A gait and an action; half of those for testing are held out."""
+    pairs = there.held_out if testing and rng.random() < 0.5 else there.pairs
+    return pairs[rng.integers(len(pairs))] if pairs else ()
 
 
-def _row(rng: np.random.Generator, there: list[str]) -> tuple[str, ...]:
-    """Two or three contents, half of them gaits, none twice; nobody stops from, or starts with, a run at once."""
-    gaits = [content for content in there if content in GAITS]
-    others = [content for content in there if content not in GAITS and content != "idle"]
-    row: list[str] = []
+def _row(rng: np.random.Generator, there: _Choices) -> tuple[str, ...]:
+    """Two or three contents, half of them gaits, none twice in a row."""
+    row: tuple[str, ...] = ()
     for _ in range(int(rng.integers(2, 4))):
-        pool = gaits if rng.random() < 0.5 else others
-        if row:
-            last = row[-1]
-            pool = [c for c in pool if c != last and _follows(last, c)]
+        pool = there.gaits if rng.random() < 0.5 else there.others
+        pool = tuple(content for content in pool if not row or _follows(row[-1], content))
         if pool:
-            row.append(str(rng.choice(pool)))
-    return tuple(row) if len(row) > 1 else ()
+            row = (*row, pool[rng.integers(len(pool))])
+    return row if len(row) > 1 else ()
 
 
 def _follows(first: str, second: str) -> bool:
-    return all(one not in FAST_GAITS or other in EVEN_GAITS for one, other in ((first, second), (second, first)))
-
-
-def _of(rng: np.random.Generator, pairs: list[tuple[str, ...]]) -> tuple[str, ...]:
-    return pairs[rng.integers(len(pairs))] if pairs else ()
+    """Whether one goes over into the other: nobody stops from, or starts with, a run within a step."""
+    fast = (first in FAST_GAITS, second in FAST_GAITS)
+    return first != second and (not any(fast) or (first in EVEN_GAITS and second in EVEN_GAITS))
 
 
 # ---- Reading
 
 
-def _load(name: str, wanted: str, tries: tuple[_Try, ...]) -> Sample:
+def _load(name: str, together: bool, tries: tuple[_Try, ...]) -> Sample:
     """The first of `tries` that goes well; raises ValueError that says why the last did not."""
-    compose = _at_once if wanted == "at once" else _one_after_another
-    why = f"no clips of its split to compose {wanted}"
+    compose = _at_once if together else _one_after_another
+    why = f"its split has no clips to compose {'at once' if together else 'one after another'}"
     for one in tries:
         try:
             return compose(name, one)
         except ValueError as error:
             why = f"{' and '.join(clip.name for clip in one.clips)}: {error}"
-    raise ValueError(f"nothing could be composed; last, {why}")
+    raise ValueError(f"nothing could be composed; {why}")
 
 
 def _at_once(name: str, one: _Try) -> Sample:
     (gait, action), rng = one.contents, np.random.default_rng(one.seed)
     lower, upper = (_read(clip) for clip in one.clips)
     parts = parts_for(action)
-    if why := why_not(lower.measured, upper.measured, parts):
+    if why := why_not(measure(lower.motion), measure(upper.motion), parts):
         raise ValueError(why)
     legs, start_s = lower.motion, 0.0
     if gait in EVEN_GAITS:
@@ -214,5 +226,5 @@ def _read(clip: Clip) -> _Part:
         motion = replace(motion, labels=(label,), source=Source(clip.name, licence=sample.licence))
         if len(_read_already) >= KEPT:
             del _read_already[next(iter(_read_already))]
-        _read_already[clip.name] = _Part(motion, measure(motion), sample.captions, sample.mirrored)
+        _read_already[clip.name] = _Part(motion, sample.captions, sample.mirrored)
     return _read_already[clip.name]

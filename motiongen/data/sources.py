@@ -175,4 +175,6 @@ _FOLDERS: dict[str, tuple[Callable[[Path], list[Clip]], str]] = {
     "folder": (_folder, "its captions file names none"),
 }
 _COUNTED = {"gestures": _gestures}  # kinds that need no files, only how many
-_FORMS = ", ".join((*(f"{kind}:FOLDER" for kind in _FOLDERS), *(f"{kind}:COUNT" for kind in _COUNTED), "composed:COUNT"))
+_FORMS = ", ".join(
+    (*(f"{kind}:FOLDER" for kind in _FOLDERS), *(f"{kind}:COUNT" for kind in _COUNTED), "composed:COUNT")
+)
