@@ -86,7 +86,9 @@ def sequence(motions: Sequence[Motion], *, blend_s: float = SEAM_S) -> Motion:
         then = on_skeleton(motion.resampled(out.fps) if motion.fps != out.fps else motion, out.skeleton)
         seam = find_seam(_cut(out, since), then, blend_s)
         seam = replace(seam, end=seam.end + since)
-        labels = (*_within(out.labels, 0.0, seam.end / out.fps), *_within(then.labels, -seam.start / out.fps, np.inf))
+        begins = (seam.end - seam.start) / out.fps  # of the next, what was cut off included
+        cut_s = seam.end / out.fps
+        labels = (*_within(out.labels, 0.0, 0.0, cut_s), *_within(then.labels, begins, cut_s, np.inf))
         since = seam.end
         out = replace(joined(out, then, seam, blend_s), labels=labels)
     return replace(out, source=composed_of(motions, ">")) if len(motions) > 1 else out
@@ -136,10 +138,10 @@ def _cut(motion: Motion, start: int) -> Motion:
     return replace(motion, root_pos=motion.root_pos[start:], joint_quat=motion.joint_quat[start:], contacts=None)
 
 
-def _within(labels: Sequence[Label], shift_s: float, end_s: float) -> tuple[Label, ...]:
-    """`labels` moved by `shift_s`, as far as they lie between 0 and `end_s`."""
+def _within(labels: Sequence[Label], shift_s: float, start_s: float, end_s: float) -> tuple[Label, ...]:
+    """`labels` moved by `shift_s`, as far as they then lie between `start_s` and `end_s`."""
     moved = (replace(label, start_s=label.start_s + shift_s, end_s=label.end_s + shift_s) for label in labels)
-    cut = (replace(label, start_s=max(label.start_s, 0.0), end_s=min(label.end_s, end_s)) for label in moved)
+    cut = (replace(label, start_s=max(label.start_s, start_s), end_s=min(label.end_s, end_s)) for label in moved)
     return tuple(label for label in cut if label.start_s < label.end_s)
 
 

@@ -8,7 +8,8 @@ from motiongen.motion import SMPL_JOINTS, Motion, Skeleton
 from motiongen.rotation import Array, axis_angle_to_quat, quat_conj, quat_mul, quat_rotate, shortest_arc
 from motiongen.swings import smoothed
 
-STRAIGHT = 0.9999  # share of its length to which a leg stretches: at 1 the knee would not know which way to bend
+STRAIGHT = 0.9999  # share of its length to which a leg stretches: at 1 the knee would not know which way to bend …
+SOFT = 0.995  # … and to which it does without the pelvis giving way: close to 1 knees snap open and shut
 SINK_S = 0.2  # s over which the pelvis gives way, before and after it must
 SIDES = ("left", "right")
 
@@ -33,9 +34,9 @@ def with_ankles(motion: Motion, ankles: Array) -> Array:
                 f"the {side} foot is {far[short].max():.3f} m from its hip; the leg is {thigh + shin:.3f} m"
             )
         # The knee opens or closes about its own axis until the ankle is as far from the hip as its goal …
-        bend = _knee_angle(thigh, shin, far) - _knee_angle(thigh, shin, reach)
         upper, lower = at[:, knee] - at[:, hip], at[:, ankle] - at[:, knee]
-        axis = _knee_axis(upper, lower, turn[:, hip])
+        axis, forward = _knee_axis(upper, lower, turn[:, hip])
+        bend = _knee_angle(thigh, shin, far) - forward * _knee_angle(thigh, shin, reach)
         shin_turn = quat_mul(axis_angle_to_quat(axis, bend), turn[:, knee])
         # … and the whole leg swings about the hip until the ankle is there.
         moved = upper + quat_rotate(axis_angle_to_quat(axis, bend), lower)
@@ -55,7 +56,7 @@ def sinking(motion: Motion, ankles: Array) -> Array:
     at, need = motion.positions(), np.zeros(len(motion))
     for side, goal in zip(SIDES, (ankles[:, 0], ankles[:, 1]), strict=True):
         line = at[:, SMPL_JOINTS.index(f"{side}_hip")] - goal
-        aside, leg = np.linalg.norm(line[:, :2], axis=1), STRAIGHT * sum(leg_bones(motion.skeleton, side))
+        aside, leg = np.linalg.norm(line[:, :2], axis=1), SOFT * sum(leg_bones(motion.skeleton, side))
         if aside.max() > leg:
             raise ValueError(f"the {side} foot is {aside.max():.3f} m aside of its hip; the leg is {leg:.3f} m long")
         too_far = np.linalg.norm(line, axis=1) > np.maximum(leg, _distance(at, *_hip_and_ankle(side))) + 1e-6
@@ -77,13 +78,15 @@ def _knee_angle(thigh: float, shin: float, far: Array) -> Array:
     return np.pi - np.arccos(np.clip((thigh**2 + shin**2 - far**2) / (2 * thigh * shin), -1, 1))
 
 
-def _knee_axis(upper: Array, lower: Array, thigh: Array) -> Array:
-    """Axis (T, 3) about which the knee bends further; of a straight leg the thigh's own left."""
+def _knee_axis(upper: Array, lower: Array, thigh: Array) -> tuple[Array, Array]:
+    """Axis (T, 3) about which the knee bends as knees do, of a straight leg the thigh's own left; and 1, or -1 where
+    the knee is overstretched, (T,)."""
     across = np.cross(upper, lower)
     size = np.linalg.norm(across, axis=1, keepdims=True)
     left = quat_rotate(thigh, [0.0, 1.0, 0.0])
+    forward = np.where(np.sum(across * left, axis=1) < 0, -1.0, 1.0)
     straight = size < 1e-3 * np.linalg.norm(upper, axis=1, keepdims=True) * np.linalg.norm(lower, axis=1, keepdims=True)
-    return np.where(straight, left, across / np.maximum(size, 1e-12))
+    return np.where(straight, left, forward[:, None] * across / np.maximum(size, 1e-12)), forward
 
 
 def _hip_and_ankle(side: str) -> tuple[int, int]:

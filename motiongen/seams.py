@@ -230,20 +230,20 @@ class _Offsets:
 
     def positions(self, first: Array, second: Array, tail: slice, keep_speed: bool = True) -> Array:
         """Points (n, 3) of `second` in its frames `tail`, plus the offset; see `decayed`."""
-        here, there = first[self.end] - second[self.start], np.zeros(3)
+        here, speed = first[self.end] - second[self.start], np.zeros(3)
         if keep_speed and self.end:
-            there = (first[self.end] - first[self.end - 1] - second[self.start + 1] + second[self.start]) * self.fps
-        return second[tail] + self.decayed(here, there)
+            before = max(self.start, 1)  # like with like: the last step of both, where the second has one
+            speed = (first[self.end] - first[self.end - 1] - second[before] + second[before - 1]) * self.fps
+        return second[tail] + self.decayed(here, speed)
 
     def turns(self, first: Array, second: Array, tail: slice) -> Array:
         """Turns (n, J, 4), likewise; offsets are axis times angle in the frame of each joint of `second`."""
-        base = quat_conj(second[self.start])
-        here, there = quat_to_rotvec(quat_mul(base, first[self.end])), np.zeros((first.shape[1], 3))
+        here, speed = _turn(second[self.start], first[self.end]), np.zeros((first.shape[1], 3))
         if self.end:
-            step = quat_to_rotvec(quat_mul(quat_conj(first[self.end - 1]), first[self.end]))
-            own = quat_to_rotvec(quat_mul(base, second[self.start + 1]))
-            there = (step - own) * self.fps
-        return quat_mul(second[tail], rotvec_to_quat(self.decayed(here, there)))
+            before = max(self.start, 1)
+            speed = _turn(first[self.end - 1], first[self.end]) - _turn(second[before - 1], second[before])
+            speed = speed * self.fps
+        return quat_mul(second[tail], rotvec_to_quat(self.decayed(here, speed)))
 
     def decayed(self, here: Array, speed: Array) -> Array:
         """(n, …): from `here`, at `speed` a second and without acceleration, to rest at 0 by a quintic (Bollo 2018)."""
@@ -251,6 +251,11 @@ class _Offsets:
         from_place = 1 - 10 * u**3 + 15 * u**4 - 6 * u**5
         from_speed = self.seconds * (u - 6 * u**3 + 8 * u**4 - 3 * u**5)
         return from_place * here + from_speed * speed
+
+
+def _turn(a: Array, b: Array) -> Array:
+    """Axis times angle from `a` to `b`, in the frame of `a`."""
+    return quat_to_rotvec(quat_mul(quat_conj(a), b))
 
 
 def _steps(first: Motion, second: Motion, seam: Seam, offsets: _Offsets, tail: slice) -> Array:

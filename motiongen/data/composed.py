@@ -80,7 +80,7 @@ def content_of(clip: Clip) -> str:
 
 @dataclass(frozen=True)
 class _Choices:
-    """What a split has: clips by content; pairs of contents that can be done at once, those held out apart; contents."""
+    """What a split has: clips by content; what can be done at once, what of it is held out; gaits, and the rest."""
 
     clips: Mapping[str, Sequence[Clip]]
     pairs: tuple[tuple[str, ...], ...]
