@@ -12,8 +12,8 @@ from motiongen.measure import Measured, measure
 from motiongen.motion import Motion
 from motiongen.say_numbers import says_time, with_numbers
 
-MOST_CAPTIONS = 24  # a clip, where a grammar could say hundreds
-MOST_NUMBERED = 8  # of them with a measured number, and never more than half as many as there are without
+MOST_CAPTIONS = 12  # a clip, where a grammar could say hundreds
+MOST_NUMBERED = 4  # of them with a measured number, and never more than half as many as there are without
 SPLITS = ("train", "val", "test")
 
 

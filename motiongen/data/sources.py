@@ -15,6 +15,7 @@ import numpy as np
 
 from motiongen.captions import CONTENTS, phrasings, style_name, swap_sides
 from motiongen.data.clip import Clip, Sample, SourceError, cut, drawn, stamp, told
+from motiongen.data.composed import composed_clips
 from motiongen.data.official import HUMANML3D, KIT_ML, official_clips
 from motiongen.data.tables import csv_rows, jsonl_rows
 from motiongen.measure import measure, mirrored
@@ -25,13 +26,16 @@ _MOST = 1_000_000
 
 
 def find_all(specs: Sequence[str]) -> list[Clip]:
-    """The clips of all the sources `specs`, in a fixed order; raises SourceError as `find_clips` does.
+    """The clips of all the sources `specs`, in a fixed order, those composed of others last; raises SourceError as
+    `find_clips` does.
 
     So too where a clip is in them twice, or none is named.
     """
     if not specs:
         raise SourceError("no source; name one or more, for example gestures:100 or folder:FOLDER")
-    clips = [clip for spec in specs for clip in find_clips(spec)]
+    made_of_others = [spec for spec in specs if spec.partition(":")[0] == "composed"]
+    clips = [clip for spec in specs if spec not in made_of_others for clip in find_clips(spec)]
+    clips += [clip for spec in made_of_others for clip in composed_clips(_count(spec), clips)]
     name, times = Counter(clip.name for clip in clips).most_common(1)[0]
     if times > 1:
         raise SourceError(f"clip {name} is in the sources {times} times")
@@ -52,9 +56,7 @@ def find_clips(spec: str) -> list[Clip]:
     """
     kind, _, where = spec.partition(":")
     if kind in _COUNTED:
-        if not where.isdecimal() or not 0 < int(where) <= _MOST:
-            raise SourceError(f"{spec}: the count must be from 1 to {_MOST}")
-        return _COUNTED[kind](int(where))
+        return _COUNTED[kind](_count(spec))
     if kind not in _FOLDERS or not where:
         raise SourceError(f"unknown source {spec!r}; there are {_FORMS}")
     find, needs = _FOLDERS[kind]
@@ -65,6 +67,13 @@ def find_clips(spec: str) -> list[Clip]:
     if not clips:
         raise SourceError(f"{spec}: no clips in this folder; {needs}")
     return clips
+
+
+def _count(spec: str) -> int:
+    where = spec.partition(":")[2]
+    if not where.isdecimal() or not 0 < int(where) <= _MOST:
+        raise SourceError(f"{spec}: the count must be from 1 to {_MOST}")
+    return int(where)
 
 
 def _bandai_namco(folder: Path) -> list[Clip]:
@@ -166,4 +175,6 @@ _FOLDERS: dict[str, tuple[Callable[[Path], list[Clip]], str]] = {
     "folder": (_folder, "its captions file names none"),
 }
 _COUNTED = {"gestures": _gestures}  # kinds that need no files, only how many
-_FORMS = ", ".join((*(f"{kind}:FOLDER" for kind in _FOLDERS), *(f"{kind}:COUNT" for kind in _COUNTED)))
+_FORMS = ", ".join(
+    (*(f"{kind}:FOLDER" for kind in _FOLDERS), *(f"{kind}:COUNT" for kind in _COUNTED), "composed:COUNT")
+)
