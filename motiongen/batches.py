@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from motiongen.data.dataset import Dataset, Entry
 from motiongen.features import CONTACTS, HEIGHT, PLANAR, TURNS
 from motiongen.motion import SMPL_JOINTS
-from motiongen.say_numbers import has_number
+from motiongen.say_numbers import says_number
 
 Floats = NDArray[np.float32]
 
@@ -92,7 +92,7 @@ class Batches:
     def _pick(self, i: int, rng: np.random.Generator) -> _Pick:
         entry, mirrored = self._data.entries[i], bool(rng.random() < 0.5)
         said = self._data.captions(i, mirrored)
-        plain = [c for c in said if not has_number(c)]
+        plain = [c for c in said if not says_number(c)]
         room = entry.frames - SHORTEST_CROP
         if entry.source in CUT and plain and room > 0 and (entry.frames > LONGEST or rng.random() < 0.5):
             frames = SHORTEST_CROP + int(rng.integers(min(room, LONGEST - SHORTEST_CROP) + 1))
@@ -130,7 +130,7 @@ def scale_of(data: Dataset) -> Scale:
 
 
 def _fits(entry: Entry) -> bool:
-    return entry.frames <= LONGEST or (entry.source in CUT and not all(map(has_number, entry.captions)))
+    return entry.frames <= LONGEST or (entry.source in CUT and not all(map(says_number, entry.captions)))
 
 
 def _chances(entries: list[Entry]) -> NDArray[np.float64]:

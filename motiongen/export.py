@@ -19,7 +19,7 @@ from motiongen.data.texts import Texts, encode_texts
 from motiongen.features import FPS
 from motiongen.lengths import fit_lengths
 from motiongen.nn import Floats, Tensors
-from motiongen.say_numbers import has_number
+from motiongen.say_numbers import says_number
 from motiongen.weights import Bank, Weights, load_weights, save_weights
 
 # Between phrasings kept for testing and prompts about something else; `benchmarks/semantics.py` prints both shares.
@@ -69,7 +69,7 @@ def make_lengths(data: Dataset, texts: Texts) -> Tensors:
 
 
 def _seconds(caption: str, entry: Entry) -> float:
-    endless = entry.source in CUT and not has_number(caption)
+    endless = entry.source in CUT and not says_number(caption)
     return min(entry.seconds, ENDLESS_S if endless else LONGEST / FPS)
 
 

@@ -6,7 +6,7 @@ python -m motiongen.measure FILE
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +23,10 @@ class Measured:
     """What a motion shows.
 
     Units stand in the names. `path_m` runs along the pelvis's way, `net_m` straight from start to end; `turn_deg` is
-    from start to end too, positive to the left. A wave is a swing of the hand in and out again, a head shake one from
-    side to side and back, counted in halves. `bow_deg` is the deepest bow, 0 without one, `chest_pitch_deg` the
-    furthest that the chest leans forward; `jump_height_m` the pelvis's highest rise above standing, 0 without a jump.
+    from start to end too, positive to the left. A wave is a swing of the hand in and out again; `perhaps` counts what
+    might be one as well, so that where it differs the waves are not sure. A head shake is from side to side and back,
+    counted in halves. `bow_deg` is the deepest bow, 0 without one, `chest_pitch_deg` the furthest that the chest leans
+    forward; `jump_height_m` the pelvis's highest rise above standing, 0 without a jump.
     """
 
     duration_s: float
@@ -37,6 +38,8 @@ class Measured:
     turn_deg: float
     left_waves: int
     right_waves: int
+    left_perhaps: int
+    right_perhaps: int
     left_raises: int
     right_raises: int
     nods: int
@@ -73,16 +76,25 @@ def measure(motion: Motion) -> Measured:
     squatted = legs.squats(motion, pelvis, found, jumped)
     low = np.quantile(pelvis[:, 2], 0.9) - pelvis[:, 2]
     bows, deepest, pitch = arms.bows(motion, low, np.all(found.still, axis=1))
+    (left_waves, left_perhaps), (right_waves, right_perhaps) = (arms.waves(motion, at, s) for s in ("left", "right"))
     nods, shakes = arms.head(motion)
     return Measured(
         duration_s=seconds, left_steps=left, right_steps=right,
         path_m=along, net_m=net, mean_speed_m_s=along / seconds if seconds else 0.0, turn_deg=legs.turn(motion),
-        left_waves=arms.waves(motion, at, "left"), right_waves=arms.waves(motion, at, "right"),
+        left_waves=left_waves, right_waves=right_waves, left_perhaps=left_perhaps, right_perhaps=right_perhaps,
         left_raises=arms.raises(motion, at, "left"), right_raises=arms.raises(motion, at, "right"),
         nods=nods, head_shakes=shakes, claps=arms.claps(motion, at),
         bows=bows, bow_deg=deepest, chest_pitch_deg=pitch,
         squats=len(squatted), jumps=len(jumped), jump_height_m=high,
     )  # fmt: skip
+
+
+def mirrored(measured: Measured) -> Measured:
+    """What the mirror image of a motion that was `measured` shows."""
+    here = asdict(measured)
+    there = {"left": "right", "right": "left"}
+    sides = {name: here[name.replace(side, there[side])] for name in here for side in there if name.startswith(side)}
+    return Measured(**{**here, **sides, "turn_deg": -measured.turn_deg})
 
 
 def main(path: Path) -> int:

@@ -12,10 +12,10 @@ from motiongen.motion import Motion
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, yaw_of_quat, yaw_quat
 from motiongen.swings import smoothed, turnings
 
-WAVE = 0.06  # m from side to side; a hand that is held up drifts by less than 0.03
-BELOW = 0.15  # m under the shoulder that a waving hand may be: shy people wave at the chest
-UPRIGHT_FOREARM = 0.5  # share of the forearm's length by which the hand must be over the elbow
+WAVE, PERHAPS_WAVE = 0.06, 0.04  # m from side to side; a hand that is held up drifts by less than 0.03
+BELOW = 0.45  # m under the shoulder that a waving hand may be: shy and old people wave at the hip
 SWING_S = 0.95  # a swing to one side, of hand or head, that takes longer is a gesture of its own
+PERHAPS_SWING_S = 1.3  # though a lazy wave may
 RAISED = 0.10  # m over the shoulder, after as much below: an arm stretched level is not a raised hand
 NOD = np.radians(9)  # the head bobs by 2–5 degrees as people walk
 SHAKE = np.radians(13)  # glances while walking stay below
@@ -27,23 +27,27 @@ BOW = np.radians(12)  # breath and gait pitch the chest by less than 6 degrees
 UPRIGHT = 0.10  # m that the pelvis may sink in a bow: lower, it is a squat
 
 
-def waves(motion: Motion, at: Array, side: str) -> int:
-    """How often the hand of `side`, its forearm up, swings in and out again, sideways more than up.
+def waves(motion: Motion, at: Array, side: str) -> tuple[int, int]:
+    """How often the hand of `side`, over its elbow, swings in and out again, sideways more than up.
 
-    Counted where the hand is innermost: on its way up and down it passes the outside anyhow.
+    Counted where the hand is innermost: on its way up and down it passes the outside anyhow. The second count takes
+    smaller, slower and steeper swings for waves as well: where the two differ, neither is sure.
     """
     index, fps = motion.skeleton.index, motion.fps
     shoulder, elbow, wrist = (at[:, index(f"{side}_{name}")] for name in ("shoulder", "elbow", "wrist"))
-    fore = wrist - elbow
-    up = (fore[:, 2] > UPRIGHT_FOREARM * np.linalg.norm(fore, axis=1)) & (wrist[:, 2] > shoulder[:, 2] - BELOW)
+    up = (wrist[:, 2] > elbow[:, 2]) & (wrist[:, 2] > shoulder[:, 2] - BELOW)
     hand = smoothed(_in_heading(motion, wrist - shoulder), fps)
     out = hand[:, 1] if side == "left" else -hand[:, 1]
-    count = 0
-    for first, last in runs(up):
-        for t in turnings(out[first : last + 1], fps, WAVE):
-            swing = np.ptp(hand[first + t.first : first + t.last + 1], axis=0)
-            count += bool(not t.high and t.seconds < SWING_S and swing[1] > swing[2])
-    return count
+
+    def count(least: float, seconds: float, level: float) -> int:
+        found = 0
+        for first, last in runs(up):
+            for t in turnings(out[first : last + 1], fps, least):
+                swing = np.ptp(hand[first + t.first : first + t.last + 1], axis=0)
+                found += bool(not t.high and t.seconds < seconds and swing[1] > level * swing[2])
+        return found
+
+    return count(WAVE, SWING_S, 1.0), count(PERHAPS_WAVE, PERHAPS_SWING_S, 0.7)
 
 
 def raises(motion: Motion, at: Array, side: str) -> int:

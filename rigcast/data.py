@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,17 +15,19 @@ if TYPE_CHECKING:
     from motiongen.data.dataset import Dataset
 
 LISTED = 20  # clips without --clip
+MOST_ROWS = 60  # of a sheet; a picture of more cannot be looked at
 RIG = "humanoid"
 MOUNT: Mount = "free"  # the clip as it is, walking where it walks
 
 
-def build(sources: Positional[tuple[str, ...]], /, *, out: Path) -> int:
+def build(sources: Positional[tuple[str, ...]], /, *, out: Path, jobs: int | None = None) -> int:
     """Make a data set in a folder; where it was interrupted, the same command goes on.
 
     Args:
-        sources: bandai-namco:FOLDER, cmu:FOLDER (with index.csv), humanml3d:FOLDER, folder:FOLDER (with captions.csv or
-            captions.jsonl) or gestures:COUNT, any number of them; see docs/data.md.
+        sources: bandai-namco:FOLDER, cmu:FOLDER (with index.csv), humanml3d:FOLDER, kit-ml:FOLDER, folder:FOLDER (with
+            captions.csv or captions.jsonl) or gestures:COUNT, any number of them; see docs/data.md.
         out: Folder of the data set.
+        jobs: Processes that read clips; as many as there are cores where it is not said.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -36,7 +39,10 @@ def build(sources: Positional[tuple[str, ...]], /, *, out: Path) -> int:
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
         task = bar.add_task("reading clips", total=None)
         dataset, fresh = build_dataset(
-            sources, out, progress=lambda done, total: bar.update(task, completed=done, total=total)
+            sources,
+            out,
+            jobs=(os.cpu_count() or 1) if jobs is None else jobs,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     if dataset.skipped:
         warn(f"{len(dataset.skipped)} clips were skipped, the first because {dataset.skipped[0].why}; see report.md")
@@ -45,19 +51,30 @@ def build(sources: Positional[tuple[str, ...]], /, *, out: Path) -> int:
 
 
 def show(
-    folder: Positional[Path], /, *, clip: int | None = None, mirrored: bool = False, out: Path | None = None
+    folder: Positional[Path],
+    /,
+    *,
+    clip: int | None = None,
+    mirrored: bool = False,
+    sheet: int | None = None,
+    out: Path | None = None,
 ) -> int:
-    """List the clips of a data set, or tell and draw one.
+    """List the clips of a data set, or tell and draw one, or draw several.
 
     Args:
         folder: Folder of the data set.
         clip: Number of the clip; without it the first clips are listed.
-        mirrored: Its mirror image instead.
-        out: A .png to draw the clip into, on the humanoid rig (clip 0 where none is named).
+        mirrored: Mirror images instead.
+        sheet: Draw so many clips, as different as there are, a row each, into --out.
+        out: A .png to draw into, on the humanoid rig (clip 0 where none is named).
     """
     from motiongen.data.dataset import open_dataset
 
     dataset = open_dataset(folder)
+    if out is not None and (out.suffix != ".png" or not out.parent.is_dir()):
+        raise ValueError(f"{out}: {'the suffix must be .png' if out.parent.is_dir() else f'no folder {out.parent}'}")
+    if sheet is not None:
+        return _draw_sheet(dataset, sheet, clip, mirrored, out)
     if clip is None and out is None:
         return _list(dataset)
     number = clip or 0
@@ -87,11 +104,30 @@ def _draw(dataset: Dataset, number: int, mirrored: bool, out: Path) -> None:
     from retarget.retarget import retarget
     from sim.render import render_sheet
 
-    if out.suffix != ".png" or not out.parent.is_dir():
-        raise ValueError(f"{out}: {'the suffix must be .png' if out.parent.is_dir() else f'no folder {out.parent}'}")
     rig = load_rig(RIG)
     trajectory = retarget(dataset.motion(number, mirrored), rig, mount=MOUNT)
     render_sheet(trajectory.qpos, trajectory.fps, rig, out, mount=MOUNT, title=dataset.captions(number, mirrored)[0])
+
+
+def _draw_sheet(dataset: Dataset, count: int, clip: int | None, mirrored: bool, out: Path | None) -> int:
+    if out is None or clip is not None:
+        raise ValueError(f"--sheet {count} needs --out FILE.png and no --clip: it draws several clips into one picture")
+    if not 0 < count <= MOST_ROWS:
+        raise ValueError(f"--sheet {count}: 1 to {MOST_ROWS} clips fit on a sheet")
+
+    from motiongen.data.pictures import different
+    from retarget.retarget import retarget
+    from sim.gallery import render_gallery
+
+    rig, numbers = load_rig(RIG), different(dataset.entries, count)
+    rows = [
+        (dataset.captions(number, mirrored)[0], retarget(dataset.motion(number, mirrored), rig, mount=MOUNT))
+        for number in numbers
+    ]
+    render_gallery(rows, rig, out, mount=MOUNT)
+    for number, (caption, _) in zip(numbers, rows, strict=True):
+        print(f"{number}: {caption}")
+    return 0
 
 
 def _summary(dataset: Dataset) -> str:

@@ -1,19 +1,54 @@
 """Captions say the content, keep their sides, and one in ten is kept for testing."""
 
+import re
+
 import pytest
 
 from motiongen.captions import CONTENTS, STYLES, kept_for_testing, phrasings, style_name, swap_sides
+from motiongen.gestures.catalogue import gestures
 
 
 @pytest.mark.parametrize("content", CONTENTS)
-def test_at_least_twenty_phrasings_and_the_right_side(content: str) -> None:
+def test_many_phrasings_of_every_kind_and_the_right_side(content: str) -> None:
     said = phrasings(content)
     assert len(said) >= 20
+    verb = CONTENTS[content].plain[0]
+    third, imperative, casual = f"a person {CONTENTS[content].third[0]}", f"please {verb}", f"can you {verb}?"
+    assert {third, imperative, casual, f"{verb}!"} <= set(said)
     for caption in said:
         assert caption == " ".join(caption.split())
         for side, other in (("left", "right"), ("right", "left")):
             if side in content:
-                assert other not in caption.split()
+                assert other not in re.findall(r"\w+", caption)
+
+
+@pytest.mark.parametrize("name", gestures())
+def test_gestures_are_told_asked_for_and_asked_casually(name: str) -> None:
+    said = gestures()[name].captions(gestures()[name].params())
+    assert len(said) >= 20
+    for start, end in (("a person ", ""), ("please ", ""), ("can you ", "?"), ("", "!")):
+        assert any(c.startswith(start) and c.endswith(end) for c in said), (start, end)
+
+
+@pytest.mark.parametrize("content", [name for name in CONTENTS if "left" in name])
+def test_the_mirror_image_of_a_phrasing_is_a_phrasing_of_the_other_side(content: str) -> None:
+    there = phrasings(swap_sides(content))
+    for caption in phrasings(content):
+        assert swap_sides(caption) in there
+
+
+def test_what_people_type_is_there() -> None:
+    wave = phrasings("wave-right-hand")
+    for typed in (
+        "wave",
+        "wave!",
+        "gimme a wave",
+        "can you wave at me?",
+        "wave hi",
+        "make the robot wave its right hand",
+    ):
+        assert typed in wave
+    assert {"wave bye-bye", "wave bye bye", "wave byebye", "byebye"} <= set(phrasings("byebye"))
 
 
 def test_third_person_and_imperative_are_in_step() -> None:

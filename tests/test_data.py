@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import signal
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from motions import motion, stand, walk, wave
@@ -15,11 +20,17 @@ from motions import motion, stand, walk, wave
 from motiongen.bvh_write import write_bvh
 from motiongen.captions import kept_for_testing, phrasings, swap_sides
 from motiongen.data.build import build
-from motiongen.data.dataset import DatasetError, open_dataset
-from motiongen.data.sources import SourceError, find_clips, split_of
+from motiongen.data.clip import Clip, Sample, SourceError, split_of
+from motiongen.data.dataset import DatasetError, Entry, open_dataset
+from motiongen.data.pictures import CELL, LEFT, POSES, RIGHT, TITLE, different, draw_clips
+from motiongen.data.read_clips import read_clips
+from motiongen.data.sources import find_clips
 from motiongen.features import motion_to_features
 from motiongen.files import load_motion, save_motion
+from motiongen.gestures.reading import read
 from motiongen.humanml_files import write_humanml
+from motiongen.measure import measure
+from motiongen.say_numbers import says_number
 from rigcast.__main__ import main
 
 ROOT = Path(__file__).parent.parent
@@ -46,7 +57,7 @@ def test_a_folder_with_captions(folder: Path, tmp_path: Path) -> None:
     dataset, fresh = build([f"folder:{folder}"], tmp_path / "out")
     assert fresh
     assert [(e.name, e.captions) for e in dataset.entries] == [
-        ("clips/more/walk.bvh", ("walks",)),
+        ("clips/more/walk.bvh", ("walks", "walks 8 steps")),
         ("clips/wave.npz", ("waves, upright, with the right hand", 'says "hi"')),
     ]
     assert dataset.captions(1, mirrored=True) == ("waves, upright, with the left hand", 'says "hi"')
@@ -66,9 +77,12 @@ def test_bandai_namco_names_say_content_and_style(tmp_path: Path) -> None:
     write_bvh(wave("right"), source / "dataset-2_wave-right-hand_tired_001.bvh")
     entry = build([f"bandai-namco:{tmp_path / 'dataset'}"], tmp_path / "out")[0].entries[0]
     assert (entry.content, entry.style) == ("wave-right-hand", "exhausted")
-    assert set(entry.captions) <= set(phrasings("wave-right-hand", "exhausted"))
-    assert set(entry.mirrored) <= set(phrasings("wave-left-hand", "exhausted"))
-    assert len(set(entry.captions)) == len(set(entry.mirrored)) == 24
+    for captions, content in ((entry.captions, "wave-right-hand"), (entry.mirrored, "wave-left-hand")):
+        numbered = {c for c in captions if says_number(c)}
+        assert len(set(captions)) == 24
+        assert 0 < len(numbered) <= 8
+        assert set(captions) - numbered <= set(phrasings(content, "exhausted"))
+        assert not [c for c in numbered if not re.search(r"(three|3) times\b|(four|4) seconds\b", c)]
 
 
 def test_cmu_takes_captions_from_the_index_and_drops_the_t_pose(tmp_path: Path) -> None:
@@ -81,7 +95,7 @@ def test_cmu_takes_captions_from_the_index_and_drops_the_t_pose(tmp_path: Path) 
     )
     dataset, _ = build([f"cmu:{source}"], tmp_path / "out")
     assert [e.name for e in dataset.entries] == ["cmu/007_01"]
-    assert dataset.captions(0, mirrored=True) == ("walk, turn right",)
+    assert dataset.captions(0, mirrored=True)[0] == "walk, turn right"
     assert len(dataset.features(0)) == len(walk(seconds=2)) - 1
 
 
@@ -96,10 +110,61 @@ def test_humanml3d_cuts_out_what_a_text_speaks_of(tmp_path: Path) -> None:
         )
     dataset, _ = build([f"humanml3d:{source}"], tmp_path / "out")
     whole, part = dataset.entries
-    assert (whole.name, whole.captions) == ("humanml3d/000001", ("a person walks.", "walks on"))
+    assert (whole.name, whole.captions[:2]) == ("humanml3d/000001", ("a person walks.", "walks on"))
     assert (part.name, part.captions) == ("humanml3d/000001@0.5-1.5", ("steps left",))
     assert part.frames == 31  # one second at 30 a second
     assert whole.split == part.split
+
+
+def official(folder: Path, names: Sequence[str], split: dict[str, str]) -> str:
+    """A directory laid out like HumanML3D's, of one walk under several names."""
+    for needed in ("new_joint_vecs", "texts"):
+        (folder / needed).mkdir(parents=True)
+    for name in names:
+        write_humanml(walk(seconds=2), folder / "new_joint_vecs" / f"{name}.npy")
+        (folder / "texts" / f"{name}.txt").write_text("a person walks.#x#0.0#0.0\n")
+    for which, listed in split.items():
+        (folder / f"{which}.txt").write_text(listed)
+    return f"humanml3d:{folder}"
+
+
+def test_official_splits_are_kept(tmp_path: Path) -> None:
+    names = [f"{n:06d}" for n in range(4)]
+    lists = {"train": "000002\nM000002\n", "val": "000000\n", "test": "000001\nM000001"}
+    source = official(tmp_path / "there", names, lists)
+    dataset, _ = build([source], tmp_path / "out")
+    assert {e.name[-1]: e.split for e in dataset.entries} == {"0": "val", "1": "test", "2": "train"}
+    (tmp_path / "there" / "test.txt").write_text("000001\n000002\n")
+    with pytest.raises(SourceError, match=r"test\.txt: line 2: 000002 is in train\.txt too"):
+        find_clips(source)
+    (tmp_path / "there" / "val.txt").unlink()
+    with pytest.raises(SourceError, match=r"has train\.txt but no val\.txt"):
+        find_clips(source)
+
+
+def test_kit_ml_wants_its_own_features(tmp_path: Path) -> None:
+    source = official(tmp_path / "there", ["00001"], {})
+    with pytest.raises(SourceError, match=r"\(40, 263\) is not \(frames, 251\), the features of kit-ml"):
+        build([source.replace("humanml3d", "kit-ml")], tmp_path / "out")
+
+
+def test_what_a_gesture_is_called_is_what_was_performed() -> None:
+    """Its captions' numbers, read back, are those that the motion measures."""
+    counted = {"nod": "nods", "shake-head": "head_shakes", "clap": "claps", "squat": "squats", "jump": "jumps"}
+    seen = Counter()
+    for clip in find_clips("gestures:120"):
+        sample = clip.load()
+        family = sample.content
+        if family not in counted and family != "wave":
+            continue
+        found = measure(sample.motion)
+        done = max(found.left_waves, found.right_waves) if family == "wave" else getattr(found, counted[family])
+        for caption in sample.captions:
+            said = read(caption).count
+            assert said in (None, done), caption
+            seen[family] += said is not None
+    assert set(seen) == {*counted, "wave"}
+    assert min(seen.values()) > 9
 
 
 def test_gestures_are_the_same_whatever_their_number() -> None:
@@ -132,9 +197,11 @@ def test_the_mirror_image_moves_the_other_arm(folder: Path, tmp_path: Path) -> N
     np.testing.assert_allclose(clip.positions() - clip.root_pos[:, None], wanted - wanted[:, :1], atol=0.01)
 
 
-def test_statistics_are_those_of_all_frames_and_their_mirror_images(tmp_path: Path) -> None:
-    dataset, _ = build(["gestures:5"], tmp_path / "out", shard_bytes=SHARD)
-    rows = np.concatenate([dataset.features(i, m) for i in range(5) for m in (False, True)]).astype(float)
+def test_statistics_are_those_of_the_training_split_and_its_mirror_images(tmp_path: Path) -> None:
+    dataset, _ = build(["gestures:16"], tmp_path / "out", shard_bytes=SHARD)
+    training = [i for i, entry in enumerate(dataset.entries) if entry.split == "train"]
+    assert 0 < len(training) < len(dataset)
+    rows = np.concatenate([dataset.features(i, m) for i in training for m in (False, True)]).astype(float)
     np.testing.assert_allclose(dataset.head.mean, rows.mean(0), atol=1e-6)
     np.testing.assert_allclose(dataset.head.std, rows.std(0), atol=1e-5)
 
@@ -171,8 +238,70 @@ def test_sides_are_whole_words() -> None:
 def test_the_report_counts(folder: Path, tmp_path: Path) -> None:
     build([f"folder:{folder}", "gestures:2"], tmp_path / "out")
     page = (tmp_path / "out" / "report.md").read_text()
-    assert "| folder | not stated | 2 | 0.00 | 3 |" in page
+    assert "| folder | not stated | 2 | 0.00 | 4 |" in page
     assert "| gestures | Apache-2.0 | 2 |" in page
+    spans = re.findall(r"^\| (?:over )?\d.* s \| (\d+) \|", page, re.M)
+    assert sum(map(int, spans)) == 4
+    assert "![Some of the clips as stick figures](report.png)" in page
+
+
+def test_a_data_set_without_pillow_has_no_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    assert build(["gestures:1"], tmp_path / "out")[1]
+    assert "report.png" not in (tmp_path / "out" / "report.md").read_text()
+    assert not (tmp_path / "out" / "report.png").exists()
+
+
+def test_stick_figures_stand_where_the_joints_are(folder: Path, tmp_path: Path) -> None:
+    """The hand that waves is high, on the picture's left and blue: it is the right one, seen from ahead."""
+    from PIL import Image
+
+    dataset, _ = build([f"folder:{folder}"], tmp_path / "out")
+    draw_clips(dataset, [1], tmp_path / "clip.png")
+    with Image.open(tmp_path / "clip.png") as picture:
+        rgb = np.asarray(picture.convert("RGB")).astype(int)
+    middle = slice(4 * CELL[0], 5 * CELL[0])
+    assert rgb.shape == (CELL[1] + TITLE, POSES * CELL[0], 3)
+
+    def highest(colour: tuple[int, int, int]) -> tuple[int, int]:
+        rows, columns = np.nonzero((np.abs(rgb[TITLE:, middle] - colour) < 12).all(-1))
+        return int(rows.min()), int(columns[rows.argmin()])
+
+    (blue, across), (red, _) = highest(RIGHT), highest(LEFT)
+    assert blue < red - 10
+    assert across < CELL[0] / 2 - 10
+
+
+def test_different_contents_are_picked() -> None:
+    content = [("a", ""), ("b", ""), ("a", ""), ("c", ""), ("d", ""), ("b", "")]
+    entries = [Entry(str(i), "", "", "", "train", 0, 1, (), (), c, s, (), (0, 0)) for i, (c, s) in enumerate(content)]
+    assert different(entries, 2) == [0, 4]
+    assert different(entries, 9) == [0, 1, 3, 4]
+    assert different([msgspec.structs.replace(e, content="") for e in entries], 3) == [0, 2, 5]
+
+
+def test_any_number_of_jobs_writes_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    (folder / "more" / "walk.bvh").write_text("HIERARCHY\nnonsense")  # one that is skipped
+    sources = [f"folder:{folder}", "gestures:9"]
+    for jobs in (1, 3):
+        build(sources, tmp_path / str(jobs), jobs=jobs, shard_bytes=SHARD)
+    names = sorted(p.name for p in (tmp_path / "1").iterdir())
+    assert len(names) > 6
+    assert sorted(p.name for p in (tmp_path / "3").iterdir()) == names
+    assert all((tmp_path / "1" / n).read_bytes() == (tmp_path / "3" / n).read_bytes() for n in names)
+    with pytest.raises(ValueError, match="jobs must be 1 or more, not 0"):
+        build(sources, tmp_path / "none", jobs=0)
+
+
+def die() -> Sample:
+    os.kill(os.getpid(), signal.SIGKILL)
+    raise AssertionError
+
+
+def test_a_killed_reader_is_one_line() -> None:
+    clips = [Clip(str(i), "", "", die) for i in range(2)]
+    with pytest.raises(RuntimeError, match="a process that read clips was killed"):
+        list(read_clips(clips, jobs=2))
 
 
 # ---- Interruptions
@@ -180,7 +309,8 @@ def test_the_report_counts(folder: Path, tmp_path: Path) -> None:
 KILLED = """
 import os, signal
 from pathlib import Path
-import motiongen.data.build as b
+import motiongen.data.read_clips as b
+from motiongen.data.build import build
 real, calls = b.motion_to_features, []
 def dying(motion):
     calls.append(1)
@@ -188,7 +318,7 @@ def dying(motion):
         os.kill(os.getpid(), signal.SIGKILL)
     return real(motion)
 b.motion_to_features = dying
-b.build(["gestures:9"], Path("cut"), shard_bytes=30000)
+build(["gestures:9"], Path("cut"), shard_bytes=30000)
 """
 
 
@@ -294,6 +424,9 @@ def test_a_bad_jsonl_line_is_named(folder: Path, line: str) -> None:
         (["show", "good", "--clip", "2"], "no clip 2 in good; there are 0 to 1"),
         (["show", "good", "--out", "a.gif"], "a.gif: the suffix must be .png"),
         (["show", "good", "--out", "nowhere/a.png"], "no folder nowhere"),
+        (["show", "good", "--sheet", "2"], "--sheet 2 needs --out FILE.png and no --clip"),
+        (["show", "good", "--sheet", "0", "--out", "a.png"], "--sheet 0: 1 to 60 clips"),
+        (["build", "gestures:2", "--jobs", "0", "--out", "new"], "jobs must be 1 or more, not 0"),
     ],
 )
 def test_a_mistake_is_one_line_and_exit_2(
@@ -325,14 +458,33 @@ def test_sources_of_which_nothing_can_be_read(tmp_path: Path) -> None:
         build([f"folder:{tmp_path}"], tmp_path / "out")
 
 
-def test_sources_that_changed_are_noticed(folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("finished", [True, False])
+@pytest.mark.parametrize("change", ["renamed", "another caption", "another motion"])
+def test_sources_that_changed_are_noticed(change: str, finished: bool, folder: Path, tmp_path: Path) -> None:
     build([f"folder:{folder}"], tmp_path / "out")
     head = tmp_path / "out" / "dataset.json"
-    head.write_text(json.dumps({**json.loads(head.read_text()), "finished": False}))
-    (folder / "wave.npz").rename(folder / "greet.npz")
-    (folder / "captions.csv").write_text("file,caption\nmore/walk.bvh,walks\ngreet.npz,waves\n")
-    with pytest.raises(DatasetError, match="sources changed"):
+    head.write_text(json.dumps({**json.loads(head.read_text()), "finished": finished}))
+    captions = folder / "captions.csv"
+    if change == "renamed":
+        (folder / "wave.npz").rename(folder / "greet.npz")
+        captions.write_text(captions.read_text().replace("wave.npz", "greet.npz"))
+    elif change == "another caption":
+        captions.write_text(captions.read_text().replace("walks", "strolls"))
+    else:
+        save_motion(wave("left", seconds=2), folder / "wave.npz")
+    with pytest.raises(DatasetError, match="the sources changed since this was built; remove it"):
         build([f"folder:{folder}"], tmp_path / "out")
+
+
+@pytest.mark.parametrize("torn", ["shard-0000.npy", "shard-0000.jsonl"])
+def test_a_build_does_not_go_on_from_a_damaged_shard(torn: str, tmp_path: Path) -> None:
+    build(["gestures:2"], tmp_path / "out")
+    head = tmp_path / "out" / "dataset.json"
+    head.write_text(json.dumps({**json.loads(head.read_text()), "finished": False}))
+    path = tmp_path / "out" / torn
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(DatasetError, match=f"{torn}: .*damaged; build the data set anew"):
+        build(["gestures:2"], tmp_path / "out")
 
 
 # ---- Looking at it
@@ -353,6 +505,20 @@ def test_show_lists_tells_and_draws(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert all(caption in capsys.readouterr().out.splitlines()[1] for caption in dataset.captions(shortest, True)[:1])
     with Image.open(sheet) as picture:
         assert picture.size == (1280, 680)
+
+
+def test_a_sheet_has_a_row_a_clip(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from PIL import Image
+
+    dataset, _ = build(["gestures:3"], tmp_path / "out")
+    sheet = tmp_path / "sheet.png"
+    assert main(["data", "show", str(tmp_path / "out"), "--sheet", "2", "--out", str(sheet)]) == 0
+    assert capsys.readouterr().out.splitlines() == [f"{i}: {dataset.captions(i)[0]}" for i in (0, 2)]
+    with Image.open(sheet) as picture:
+        assert picture.size == (896, 328)
+        pixels = np.asarray(picture.convert("L")).astype(int)
+    panels = pixels[24:164].reshape(140, 7, 128)
+    assert np.abs(panels[:, 0] - panels[:, 3]).max() > 30  # something moves
 
 
 def test_standing_still_has_no_spread_that_is_not_a_number(tmp_path: Path) -> None:

@@ -182,22 +182,42 @@ def test_captions_say_what_is_clear_cut() -> None:
     walk = replace(nothing(), duration_s=4.5, left_steps=2, right_steps=2, path_m=2.45, turn_deg=-88.0, nods=3)
     assert clauses(walk) == ("takes four steps", "turns right ninety degrees")
     assert with_numbers("a person walks", walk) == (
-        "a person walks, taking four steps",
+        "a person walks four steps",
+        "a person walks 4 steps",
         "a person walks, turning right ninety degrees",
+        "a person walks, turning right 90 degrees",
     )
+    assert with_numbers("she walks and turns to the right", walk)[2:] == (
+        "she walks and turns to the right ninety degrees",
+        "she walks and turns to the right 90 degrees",
+    )
+    assert with_numbers("she walks sadly and turns to the left", replace(walk, left_steps=30)) == ()
     assert clauses(replace(walk, turn_deg=82.0)) == ("takes four steps",)
-    wave = replace(nothing(), duration_s=2.0, left_waves=3)
+    wave = replace(nothing(), duration_s=2.0, left_waves=3, left_perhaps=3)
     assert with_numbers("wave with the left hand", wave) == (
         "wave with the left hand three times",
+        "wave with the left hand 3 times",
         "wave with the left hand for two seconds",
+        "wave with the left hand for 2 seconds",
     )
     assert clauses(wave) == ("waves the left hand three times", "moves for two seconds")
-    assert clauses(replace(nothing(), left_waves=3, right_waves=2)) == ()
-    assert clauses(replace(nothing(), left_waves=1, right_waves=1)) == ()
+    assert clauses(replace(wave, left_perhaps=4)) == ("moves for two seconds",)
+    quick = replace(wave, duration_s=2.5)
+    for caption in ("wave with the right hand", "wave both hands", "a wave", "waves and nods", "says hello"):
+        assert with_numbers(caption, quick) == (), caption
+    assert clauses(replace(nothing(), left_waves=3, left_perhaps=3, right_waves=2, right_perhaps=2)) == ()
+    assert clauses(replace(nothing(), left_waves=1, left_perhaps=1, right_waves=1, right_perhaps=1)) == ()
     assert clauses(replace(nothing(), head_shakes=2.5)) == ()
     assert with_numbers("a person nods", replace(nothing(), bows=1, bow_deg=46.0)) == ()
-    assert with_numbers("bow", replace(nothing(), bows=1, bow_deg=46.0)) == ("bow by forty-five degrees", "bow once")
+    assert with_numbers("bow", replace(nothing(), bows=1, bow_deg=46.0)) == (
+        "bow by forty-five degrees",
+        "bow by 45 degrees",
+        "bow once",
+    )
     assert with_numbers("wave twice", wave) == ()
+    assert with_numbers("can you wave?", quick) == ("can you wave three times?", "can you wave 3 times?")
+    assert with_numbers("wave!", quick)[0] == "wave three times!"
+    assert with_numbers("a person waves.", quick)[0] == "a person waves three times"
 
 
 def test_words_for_numbers() -> None:

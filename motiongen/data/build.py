@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
@@ -10,66 +10,63 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from motiongen.data.clip import Clip, SourceError
 from motiongen.data.dataset import (
     VERSION,
     Dataset,
     DatasetError,
     Entry,
     Head,
-    Skipped,
+    load_shards,
     open_dataset,
     read_head,
     read_shards,
     shard_name,
 )
+from motiongen.data.pictures import different, draw_clips
+from motiongen.data.read_clips import Features, Line, read_clips
 from motiongen.data.report import report
-from motiongen.data.sources import Clip, SourceError, find_clips, split_of
-from motiongen.features import FPS, WIDTH, mirror, motion_to_features
+from motiongen.data.sources import absolute, find_all
+from motiongen.features import WIDTH, mirror
 from motiongen.files import replacing
 
 SHARD_BYTES = 10_000_000  # what an interruption can lose: some ten minutes of motion, seconds of work
-MAX_SHARD_BYTES = 30_000_000  # a shard with one clip that is longer; beyond, the clip is skipped
-LARGEST = float(np.finfo(np.float16).max)
-
-Features = NDArray[np.float16]
+PICTURED = 8  # clips in the report's picture
 
 
 def build(
     specs: Sequence[str],
     out: Path,
     *,
+    jobs: int = 1,
     progress: Callable[[int, int], None] | None = None,
     shard_bytes: int = SHARD_BYTES,
 ) -> tuple[Dataset, bool]:
-    """Build the data set of the sources `specs` (see `find_clips`) in `out`; False where it was there already.
+    """Build the data set of the sources `specs` (see `find_all`) in `out`; False where it was there already.
 
     An unfinished build of the same sources goes on with the first clip that is in no shard; a finished one is only
-    opened. Clips that cannot be read are skipped and listed. `progress` is told how many clips of how many are done.
+    opened. Clips that cannot be read are skipped and listed. `jobs` processes read, 1 being this one; the files are the
+    same for any number. `progress` is told how many clips of how many are done.
 
     Raises SourceError for a bad source, or where no clip of it can be read; DatasetError where `out` holds something
-    else or a data set of other sources; OSError where `out` cannot be written.
+    else or a data set of other sources; ValueError for fewer than one job; OSError where `out` cannot be written.
     """
-    if not specs:
-        raise SourceError("no source; name one or more, for example gestures:100 or folder:FOLDER")
-    clips = [clip for spec in specs for clip in find_clips(spec)]
-    name, times = Counter(clip.name for clip in clips).most_common(1)[0]
-    if times > 1:
-        raise SourceError(f"clip {name} is in the sources {times} times")
-    head = Head(VERSION, tuple(map(_absolute, specs)), len(clips))
+    if jobs < 1:
+        raise ValueError(f"jobs must be 1 or more, not {jobs}")
+    clips = find_all(specs)
+    head = Head(VERSION, tuple(map(absolute, specs)), len(clips), _stamp(clips))
     if _prepare(out, head):
         return open_dataset(out), False
     shards = read_shards(out)
-    done = [line.name for lines in shards for line in lines]
-    if done != [clip.name for clip in clips[: len(done)]]:
-        raise DatasetError(f"{out}: the sources changed since the build was interrupted; remove it to build anew")
-    _write_shards(clips, len(done), len(shards), out, shard_bytes, progress or (lambda *_: None))
+    done = sum(map(len, shards))
+    _write_shards(clips, done, len(shards), out, shard_bytes, jobs, progress or (lambda *_: None))
     _finish(out, head)
     return open_dataset(out), True
 
 
-def _absolute(spec: str) -> str:
-    kind, _, where = spec.partition(":")
-    return spec if kind == "gestures" else f"{kind}:{Path(where).expanduser().resolve()}"
+def _stamp(clips: Iterable[Clip]) -> str:
+    """One stamp of all the clips and their order."""
+    return hashlib.sha256("\n".join(f"{c.name} {c.split} {c.stamp}" for c in clips).encode()).hexdigest()[:16]
 
 
 def _prepare(out: Path, head: Head) -> bool:
@@ -89,6 +86,8 @@ def _prepare(out: Path, head: Head) -> bool:
             f"{out}: holds {state} of {there.clips} clips of {', '.join(there.sources)}, not {head.clips} of "
             f"{', '.join(head.sources)}; remove it or name another folder"
         )
+    if there.stamp != head.stamp:
+        raise DatasetError(f"{out}: the sources changed since this was built; remove it to build anew")
     for ours in ("shard", "dataset", "report"):
         for left_over in out.glob(f".{ours}-*"):  # a process that was killed had no time to tidy up
             left_over.unlink()
@@ -96,58 +95,32 @@ def _prepare(out: Path, head: Head) -> bool:
 
 
 def _write_shards(
-    clips: Sequence[Clip], done: int, number: int, out: Path, shard_bytes: int, progress: Callable[[int, int], None]
+    clips: Sequence[Clip],
+    done: int,
+    number: int,
+    out: Path,
+    shard_bytes: int,
+    jobs: int,
+    progress: Callable[[int, int], None],
 ) -> None:
     """Write the clips from `done` on into shards from `number` on, each as full as `shard_bytes` allows."""
     rows: list[Features] = []
-    lines: list[Entry | Skipped] = []
+    lines: list[Line] = []
     start = 0
-    for at in range(done, len(clips)):
-        progress(at, len(clips))
-        line, features = _read(clips[at], start)
+    progress(done, len(clips))
+    for at, (line, features) in enumerate(read_clips(clips[done:], jobs), start=done + 1):
         if start and (start + len(features)) * WIDTH * 2 > shard_bytes:
             _write_shard(out, number, rows, lines)
             rows, lines, start, number = [], [], 0, number + 1
-            line = msgspec.structs.replace(line, start=0) if isinstance(line, Entry) else line
         rows.append(features)
-        lines.append(line)
+        lines.append(msgspec.structs.replace(line, start=start) if isinstance(line, Entry) else line)
         start += len(features)
+        progress(at, len(clips))
     if lines:
         _write_shard(out, number, rows, lines)
-    progress(len(clips), len(clips))
 
 
-def _read(clip: Clip, start: int) -> tuple[Entry | Skipped, Features]:
-    """The line and the features (T, 140) of a clip that begins in row `start`; no rows where it is skipped."""
-    try:
-        sample = clip.load()
-        features = motion_to_features(sample.motion)
-        if not np.abs(features).max() <= LARGEST:
-            raise ValueError("moves faster or further than float16 can hold")
-        if features.size * 2 > MAX_SHARD_BYTES:
-            raise ValueError(f"{len(features) / FPS / 60:.0f} minutes long, over {MAX_SHARD_BYTES} bytes; cut it up")
-    except (ValueError, OSError) as error:
-        return Skipped(clip.name, " ".join(str(error).split())), np.zeros((0, WIDTH), np.float16)
-    skeleton = sample.motion.skeleton
-    entry = Entry(
-        name=clip.name,
-        source=clip.source,
-        file=clip.file,
-        licence=sample.licence,
-        split=split_of(clip.name),
-        start=start,
-        frames=len(features),
-        captions=sample.captions,
-        mirrored=sample.mirrored,
-        content=sample.content,
-        style=sample.style,
-        offsets=tuple((x, y, z) for x, y, z in skeleton.offsets.round(5).tolist()),
-        foot_height=skeleton.foot_height,
-    )
-    return entry, features.astype(np.float16)
-
-
-def _write_shard(out: Path, number: int, rows: Sequence[Features], lines: Sequence[Entry | Skipped]) -> None:
+def _write_shard(out: Path, number: int, rows: Sequence[Features], lines: Sequence[Line]) -> None:
     """The features first: whoever sees the lines finds a whole shard."""
     with replacing(out / f"{shard_name(number)}.npy") as temporary:
         np.save(temporary, np.concatenate(rows), allow_pickle=False)
@@ -156,28 +129,37 @@ def _write_shard(out: Path, number: int, rows: Sequence[Features], lines: Sequen
 
 def _finish(out: Path, head: Head) -> None:
     """Statistics and report, then the mark that all is there."""
-    shards = read_shards(out)
-    lines = [line for lines in shards for line in lines]
-    entries = [line for line in lines if isinstance(line, Entry)]
-    skipped = [line for line in lines if isinstance(line, Skipped)]
-    if not entries:
-        raise SourceError(f"none of the {head.clips} clips can be read; the first, {skipped[0].name}: {skipped[0].why}")
-    mean, std = _statistics(np.load(out / f"{shard_name(n)}.npy", mmap_mode="r") for n in range(len(shards)))
-    _write(out / "report.md", report(head, entries, skipped).encode())
-    finished = msgspec.structs.replace(head, finished=True, mean=tuple(mean.tolist()), std=tuple(std.tolist()))
+    found = load_shards(out, head)
+    if not found.entries:
+        first = found.skipped[0]
+        raise SourceError(f"none of the {head.clips} clips can be read; the first, {first.name}: {first.why}")
+    mean, std = _statistics(found.features(i) for i, entry in enumerate(found.entries) if entry.split == "train")
+    _write(out / "report.md", report(found, _pictured(found, out / "report.png")).encode())
+    finished = msgspec.structs.replace(head, finished=True, mean=mean, std=std)
     _write(out / "dataset.json", msgspec.json.encode(finished))
 
 
-def _statistics(shards: Iterable[Features]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean and standard deviation (140,) of all frames and their mirror images."""
+def _pictured(found: Dataset, path: Path) -> bool:
+    """Whether a picture of a few clips could be drawn: a data set is whole without, as rigcast is without Pillow."""
+    try:
+        draw_clips(found, different(found.entries, PICTURED), path)
+    except ModuleNotFoundError:
+        return False
+    return True
+
+
+def _statistics(clips: Iterable[NDArray[np.float32]]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Mean and standard deviation (140,) of all frames and their mirror images; empty without clips."""
     count, total, squares = 0, np.zeros(WIDTH), np.zeros(WIDTH)
-    for shard in shards:
-        for rows in (shard.astype(np.float32), mirror(shard.astype(np.float32))):
+    for clip in clips:
+        for rows in (clip, mirror(clip)):
             count += len(rows)
             total += rows.sum(axis=0, dtype=np.float64)
             squares += np.square(rows, dtype=np.float64).sum(axis=0)
+    if not count:
+        return (), ()
     mean = total / count
-    return mean, np.sqrt(np.maximum(squares / count - mean**2, 0.0))
+    return tuple(mean.tolist()), tuple(np.sqrt(np.maximum(squares / count - mean**2, 0.0)).tolist())
 
 
 def _write(path: Path, content: bytes) -> None:

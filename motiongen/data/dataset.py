@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,12 +29,16 @@ class DatasetError(ValueError):
 
 
 class Head(msgspec.Struct, frozen=True):
-    """What `dataset.json` says. `clips`: how many the sources hold. `mean` and `std` (140) are over all clips and their
-    mirror images, empty until the build is `finished`."""
+    """What `dataset.json` says. `clips`: how many the sources hold; `stamp` changes when they do.
+
+    `mean` and `std` (140) are over the clips of the training split and their mirror images; empty until the build is
+    `finished`, and where that split has no clip.
+    """
 
     version: int
     sources: tuple[str, ...]
     clips: int
+    stamp: str = ""
     finished: bool = False
     mean: tuple[float, ...] = ()
     std: tuple[float, ...] = ()
@@ -113,13 +118,18 @@ def open_dataset(folder: str | Path) -> Dataset:
     head = read_head(folder)
     if not head.finished:
         raise DatasetError(f"{folder}: the build was interrupted; run the same rigcast data build again to finish it")
+    return load_shards(folder, head)
+
+
+def load_shards(folder: Path, head: Head) -> Dataset:
+    """The data set of the shards in `folder`, finished or not; raises DatasetError where they are not all there."""
     entries: list[Entry] = []
     skipped: list[Skipped] = []
     shard_of: list[int] = []
     shards = []
     for number, lines in enumerate(read_shards(folder)):
+        shards.append(_map(folder, number, lines))
         clips = [line for line in lines if isinstance(line, Entry)]
-        shards.append(_map(folder / f"{shard_name(number)}.npy", sum(clip.frames for clip in clips)))
         entries += clips
         skipped += [line for line in lines if isinstance(line, Skipped)]
         shard_of += [number] * len(clips)
@@ -158,8 +168,10 @@ def shard_name(number: int) -> str:
     return f"shard-{number:04d}"
 
 
-def _map(path: Path, frames: int) -> NDArray[np.float16]:
-    """A shard's features, not read before they are used; raises DatasetError where they are not `frames` rows."""
+def _map(folder: Path, number: int, lines: Sequence[Entry | Skipped]) -> NDArray[np.float16]:
+    """A shard's features, not read before they are used; raises DatasetError where they do not fit its `lines`."""
+    path = folder / f"{shard_name(number)}.npy"
+    frames = sum(line.frames for line in lines if isinstance(line, Entry))
     try:
         rows = np.load(path, mmap_mode="r", allow_pickle=False) if frames else np.zeros((0, WIDTH), np.float16)
     except (OSError, ValueError, SyntaxError):  # whatever numpy makes of a damaged header

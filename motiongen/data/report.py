@@ -4,33 +4,55 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
-from motiongen.data.dataset import Entry, Head, Skipped
+from motiongen.data.dataset import Dataset, Entry
+from motiongen.say_numbers import says_number
 
+LENGTHS = (0, 1, 2, 4, 8, 16, 32, np.inf)  # s
+BAR, WIDEST = "█", 40  # characters
 _COUNTED = ("clips", "hours", "captions")
 
 
-def report(head: Head, entries: Sequence[Entry], skipped: Sequence[Skipped]) -> str:
-    """A Markdown page: sources and licences, splits, lengths, contents and styles, what was skipped and why."""
-    low, middle, high = np.percentile([entry.seconds for entry in entries], [0, 50, 100])
+def report(dataset: Dataset, pictured: bool) -> str:
+    """A Markdown page: sources and licences, splits, lengths, contents and styles, what was skipped and why.
+
+    `pictured`: whether `report.png` lies beside it.
+    """
+    entries = dataset.entries
     clips, hours, captions = _count(entries)
+    numbered = sum(map(says_number, (caption for entry in entries for caption in entry.captions)))
     parts = [
         "# Data set",
-        f"{clips} clips, {hours} h, {captions} captions; mirror images, which have about as many again, are not "
-        f"counted. Clips last {low:.1f} to {high:.1f} s, half of them under {middle:.1f} s.",
+        f"{clips} clips, {hours} h, {captions} different captions; {numbered} captions of clips have a number in them. "
+        "Mirror images, which have about as many again, are not counted.",
+        *(("![Some of the clips as stick figures](report.png)",) if pictured else ()),
         "## Sources",
-        "\n".join(f"- `{source}`" for source in head.sources),
+        "\n".join(f"- `{source}`" for source in dataset.head.sources),
         _table(("source", "licence", *_COUNTED), _counted(entries, lambda e: (e.source, e.licence))),
         "## Splits",
         _table(("split", *_COUNTED), _counted(entries, lambda e: (e.split,))),
+        "## Lengths",
+        _lengths([entry.seconds for entry in entries]),
     ]
     if named := [entry for entry in entries if entry.content]:
         parts += ["## Contents and styles", "Clips of each.", _contents(named)]
-    if skipped:
-        parts += ["## Skipped", "\n".join(f"- {clip.name}: {clip.why}" for clip in skipped)]
+    if dataset.skipped:
+        parts += ["## Skipped", "\n".join(f"- {clip.name}: {clip.why}" for clip in dataset.skipped)]
     return "\n\n".join(parts) + "\n"
+
+
+def _lengths(seconds: Sequence[float]) -> str:
+    """A histogram; from the second row on each is twice as wide as the one before."""
+    counts, _ = np.histogram(seconds, LENGTHS)
+    spans = [f"{low:g} to {high:g} s" for low, high in pairwise(LENGTHS[:-1])] + [f"over {LENGTHS[-2]:g} s"]
+    rows = [
+        (span, str(count), BAR * round(WIDEST * count / max(counts)))
+        for span, count in zip(spans, counts.tolist(), strict=True)
+    ]
+    return _table(("length", "clips", ""), rows)
 
 
 def _counted(entries: Iterable[Entry], group: Callable[[Entry], tuple[str, ...]]) -> list[tuple[str, ...]]:

@@ -60,6 +60,12 @@ def perform(
 
 def sample(rng: np.random.Generator, *, fps: float = 30.0) -> tuple[Motion, tuple[str, ...]]:
     """A performance with everything drawn, and its captions: every family equally often, counts up to five."""
+    family, params = draw(rng)
+    return _performed(family, params, int(rng.integers(2**31)), fps), family.captions(params)
+
+
+def draw(rng: np.random.Generator) -> tuple[Gesture, Params]:
+    """What `sample` performs: the family and its values."""
     family = _ALL[str(rng.choice(list(_ALL)))]
     usual = rng.random(2) < 0.4  # people mostly do not say how fast and how far
     params = family.params(
@@ -68,7 +74,7 @@ def sample(rng: np.random.Generator, *, fps: float = 30.0) -> tuple[Motion, tupl
         speed=1.0 if usual[0] else float(rng.uniform(*family.speeds)),
         amplitude=1.0 if usual[1] else float(rng.uniform(*family.amplitudes)),
     )
-    return _performed(family, params, int(rng.integers(2**31)), fps), family.captions(params)
+    return family, params
 
 
 def _performed(family: Gesture, params: Params, seed: int, fps: float, seconds: float | None = None) -> Motion:

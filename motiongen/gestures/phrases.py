@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import product
 
 _SUBJECTS = ("a person", "someone", "the robot", "he", "she")
-_ASKING = ("{}", "please {}", "now {}", "can you {}", "{} for me")
+_ASKING = ("{}", "please {}", "now {}", "can you {}?", "{} for me", "{}!", "could you {}")
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 SLOW, FAST = 0.9, 1.1  # factors from which a speed is worth saying
 SMALL, LARGE = 0.85, 1.15
