@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from motiongen.bvh_raw import BvhError, RawBvh, read_raw
-from motiongen.fit import motion_from_positions
+from motiongen.fit import fill_joints, motion_from_positions, skipped_joints
 from motiongen.ground import on_floor
 from motiongen.joint_names import match_joints
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Motion, Skeleton, Source
@@ -79,7 +79,7 @@ def canonical(raw: RawBvh, name: str) -> Motion:
     rest = _pose_rest(raw, turn, where, at)
     if rest is not None:
         return on_floor(_described(_from_frames(raw, joints, rest, world, unit, turn, where), heights, source))
-    places = _filled(where @ world.T * unit, at)
+    places = fill_joints(where @ world.T * unit, at)
     return on_floor(motion_from_positions(places, raw.fps, Source(f"{source}; rotations fitted")))
 
 
@@ -125,7 +125,7 @@ def _from_frames(
         here = raw.names.index(joints[name])
         turns[name] = world @ turn[:, here] @ rest[joints[name]].T
         if j:
-            skipped = _skipped(j, joints)
+            skipped = skipped_joints(j, joints)
             above = SMPL_JOINTS[SMPL_PARENTS[skipped[0]]]
             bone = (where[:, here] - where[:, raw.names.index(joints[above])]) @ world.T * unit
             offsets[skipped] = np.einsum("tji,tj->ti", turns[above], bone).mean(0) / len(skipped)
@@ -136,28 +136,6 @@ def _from_frames(
     root = where[:, raw.names.index(joints["pelvis"])] @ world.T * unit
     skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, offsets)
     return Motion(root, quat_continuous(matrix_to_quat(local)), raw.fps, skeleton)
-
-
-def _skipped(joint: int, joints: dict[str, str]) -> list[int]:
-    """`joint` and the canonical joints above it that the file lacks, the highest first."""
-    chain = [joint]
-    while SMPL_JOINTS[SMPL_PARENTS[chain[0]]] not in joints:
-        chain.insert(0, SMPL_PARENTS[chain[0]])
-    return chain
-
-
-def _filled(places: Array, at: dict[str, int]) -> Array:
-    """Positions (T, 22, 3), joints that the file lacks spread evenly along the bone that skips them."""
-    joints = dict.fromkeys(at, "")
-    out = np.zeros((len(places), len(SMPL_JOINTS), 3))
-    for j, name in enumerate(SMPL_JOINTS):
-        if name in at:
-            out[:, j] = places[:, at[name]]
-            chain = _skipped(j, joints) if j else []
-            for k, missing in enumerate(chain[:-1], start=1):
-                start = out[:, SMPL_PARENTS[chain[0]]]
-                out[:, missing] = start + (out[:, j] - start) * k / len(chain)
-    return out
 
 
 def _world_axes(where: Array, at: dict[str, int]) -> Array:
