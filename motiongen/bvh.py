@@ -63,7 +63,7 @@ def canonical(raw: RawBvh, name: str) -> Motion:
     """
     turn, where = forward(raw)
     for table in TABLES.values():
-        if set(table.joints.values()) <= set(raw.names):
+        if set(table.joints.values()) <= set(raw.names) and (table.own_names or _limbs_fit(raw, table)):
             motion = _from_frames(raw, table.joints, _table_rest(table), _Y_UP, table.unit, turn, where)
             motion = _described(motion, table.foot_height, name, table.licence)
             return motion if table.floor else on_floor(motion)
@@ -107,6 +107,24 @@ def _table_rest(table: SkeletonTable) -> dict[str, Array]:
         pitch = quat_to_matrix(axis_angle_to_quat([0.0, 1.0, 0.0], table.pitch.get(name, 0.0)))
         frames[name] = pitch @ axes
     return frames
+
+
+def _limbs_fit(raw: RawBvh, table: SkeletonTable) -> bool:
+    """Whether arms and legs lie in the file's joint frames as they must for the table's T-pose to be one."""
+    rest = _table_rest(table)
+    for joint, name in table.joints.items():
+        side, _, part = joint.partition("_")
+        if part in _STRAIGHT:
+            bone = rest[name] @ raw.offsets[raw.names.index(table.joints[f"{side}_{_NEXT[part]}"])]
+            if bone @ _straight(side, part) <= _NEAR * np.linalg.norm(bone):
+                return False
+    return True
+
+
+def _straight(side: str, part: str) -> Array:
+    """Where the bone that starts at a limb's joint points in a T-pose."""
+    letter = _STRAIGHT[part]
+    return np.array(_DIRECTIONS["R" if (side, letter) == ("right", "L") else letter], float)
 
 
 def _from_frames(
@@ -180,8 +198,7 @@ def _straightened(turns: Array, places: Array, at: dict[str, int]) -> dict[str, 
     for joint in at:
         side, _, part = joint.partition("_")
         if part in _STRAIGHT:
-            letter = _STRAIGHT[part]
-            want = np.array(_DIRECTIONS["R" if (side, letter) == ("right", "L") else letter], float)
+            want = _straight(side, part)
             bone = body @ (places[at[f"{side}_{_NEXT[part]}"]] - places[at[joint]])
             bone = bone / max(np.linalg.norm(bone), 1e-12)
             if bone @ want < _NEAR:

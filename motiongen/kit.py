@@ -42,7 +42,8 @@ def kit_to_canonical(where: Array) -> Array:
     if not _LEG_M[0] <= leg <= _LEG_M[1]:
         raise ValueError(f"a leg of {leg:.3g} m in KIT-ML's unit, expected {_LEG_M[0]} to {_LEG_M[1]} m")
     left = where[:, at["left_hip"]] - where[:, at["right_hip"]]
-    feet = sum(where[:, at[f"{side}_foot"]] - where[:, at[f"{side}_ankle"]] for side in ("left", "right"))
+    toes, ankles = (where[:, [at[f"{side}_{joint}"] for side in ("left", "right")]] for joint in ("foot", "ankle"))
+    feet = (toes - ankles).sum(1)
     front = left[:, 0] * feet[:, 2] - left[:, 2] * feet[:, 0]  # left × up · feet: above 0 for a body, else its mirror's
     true = where * METRES * (_MIRROR if front.sum() < 0 else 1.0)
     return fill_joints(true[..., _TO_OURS], at)
