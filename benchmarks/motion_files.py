@@ -1,4 +1,5 @@
-"""How exactly motion files come in and go out: HumanML3D's features against its authors', BVH round trips.
+"""How exactly motion files come in and go out: HumanML3D's features against its authors', BVH round trips; and what
+becomes of damaged files.
 
 Needs RIGCAST_HUMANML3D (a folder with `new_joints-*.npy` and `new_joint_vecs-*.npy` of a clip) and RIGCAST_MOTION_DATA
 (a folder with Bandai-Namco's and CMU's BVH files); what is not there is left out and said so.
@@ -9,11 +10,15 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
 import sys
 import tempfile
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from fuzz import FORMATS, fuzz
 
 from motiongen.bvh import read_bvh
 from motiongen.bvh_write import write_bvh
@@ -21,6 +26,8 @@ from motiongen.humanml import SMOOTHING, features_to_positions, positions_to_fea
 
 REACH = round(4 * SMOOTHING)  # frames at the end whose smoothed heading knows that the stored joints lack their last
 CLIPS, QUICK_CLIPS = 200, 20
+DAMAGED, QUICK_DAMAGED = 2000, 100  # files a format
+PAGE = Path(__file__).parent.parent / "docs/files.md"
 TARGETS = {
     "features, root and positions": 1e-5,
     "features, contacts that differ": 0,
@@ -35,13 +42,20 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="under a minute on one core")
     parser.add_argument("--json", action="store_true", help="one JSON document")
     parser.add_argument("--gate", action="store_true", help="exit 1 where a target is missed")
+    parser.add_argument("--fuzz", type=int, metavar="N", help=f"damaged files a format, {DAMAGED} unless said")
+    parser.add_argument("--write", action="store_true", help="put the figures into docs/files.md")
     options = parser.parse_args()
     found: dict[str, float] = {}
+    tried = fuzz((QUICK_DAMAGED if options.quick else DAMAGED) if options.fuzz is None else options.fuzz)
     if folder := os.environ.get("RIGCAST_HUMANML3D"):
         found |= features(Path(folder))
     if folder := os.environ.get("RIGCAST_MOTION_DATA"):
         found["BVH, motion, BVH, motion [m]"] = round_trip(Path(folder), QUICK_CLIPS if options.quick else CLIPS)
-    print(json.dumps({"found": found, "targets": TARGETS}, indent=2) if options.json else table(found))
+    document = {"found": found, "targets": TARGETS, "damaged": tried}
+    lines = f"{table(found)}\n{fuzz_table(tried)}"
+    print(json.dumps(document, indent=2) if options.json else lines)
+    if options.write:
+        write(lines)
     short = [name for name, target in TARGETS.items() if not found.get(name, np.inf) <= target]
     if options.gate and short:
         print(f"short: {'; '.join(short)}")
@@ -86,6 +100,26 @@ def table(found: dict[str, float]) -> str:
     """The figures as lines."""
     said = {name: f"{found[name]:.2g}" if name in found else "not measured: no data" for name in TARGETS}
     return "\n".join(f"{name:<32} {said[name]:<22} target: at most {TARGETS[name]:g}" for name in TARGETS)
+
+
+def fuzz_table(tried: dict[str, Any]) -> str:
+    """What became of the damaged files, as lines."""
+    said = [
+        f"{f'damaged {suffix} files':<32} {sum(tried['files'][suffix].values())} tried, "
+        f"{tried['files'][suffix].get('refused', 0)} refused in one line, {tried['files'][suffix].get('read', 0)} read"
+        for suffix in FORMATS
+    ]
+    return "\n".join([*said, f"{'memory that took at most':<32} {tried['peak_mb']} MB"])
+
+
+def write(lines: str) -> None:
+    """Put the figures, the day and the machine's kind into the block under `## Measured`."""
+    before, mark, rest = PAGE.read_text(encoding="utf-8").partition("```text\n")
+    if not mark:
+        raise SystemExit(f"{PAGE}: no block ```text to put the figures into")
+    when = f"{datetime.now(UTC):%Y-%m-%d}, {platform.machine()} {platform.system()}, {os.cpu_count()} cores"
+    after = rest.partition("```")[2]
+    PAGE.write_text(f"{before}{mark}{when}\n{lines}\n```{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -19,8 +19,8 @@ from motiongen.motion import Label, Motion, Skeleton, Source
 
 VERSION = 1
 MAX_BYTES = 1 << 30  # unpacked; an archive that promises more is refused before anything is unpacked
-
-
+RATES = (0.1, 10_000.0)  # frames a second that a file may have
+MAX_SECONDS = 4 * 3600.0  # a clip that lasts longer would not fit into memory at a robot's rate
 LARGEST = 1e9  # no coordinate or angle of any unit is above this; numbers near a float's end overflow later on
 
 
@@ -33,6 +33,14 @@ def require_plausible(values: NDArray[Any]) -> None:
     fine = (np.abs(values) <= LARGEST).all(axis=tuple(range(1, values.ndim)))
     if not fine.all():
         raise ValueError(f"frame {int(fine.argmin())} holds NaN, infinity or a number above {LARGEST:g}")
+
+
+def require_timing(frames: int, fps: float) -> None:
+    """Raise ValueError where the frames a second are no camera's, or that many frames last over four hours."""
+    if not RATES[0] <= fps <= RATES[1]:
+        raise ValueError(f"{fps:.6g} frames a second, expected {RATES[0]:g} to {RATES[1]:g}")
+    if frames / fps > MAX_SECONDS:
+        raise ValueError(f"{frames} frames at {fps:.6g} a second last over {MAX_SECONDS / 3600:g} hours")
 
 
 @contextmanager
@@ -159,6 +167,7 @@ def load_motion(path: str | Path) -> Motion:
         skeleton = Skeleton(names, parents, arrays["offsets"], (ankle, toe))
         contacts = arrays["contacts"].astype(bool) if "contacts" in arrays else None
         fps = float(arrays["fps"])
+        require_timing(len(arrays["root_pos"]), fps)
         return Motion(arrays["root_pos"], arrays["joint_quat"], fps, skeleton, labels, source, contacts)
     except KeyError as error:
         raise FileError(f"{path}: damaged motion file ({error} is missing)") from None

@@ -202,7 +202,7 @@ def damaged(path: Path, **changed: object) -> Path:
     [
         ({"root_pos": np.full((7, 3), np.nan)}, "frame 0 holds NaN"),
         ({"root_pos": np.zeros((0, 3)), "joint_quat": np.zeros((0, 22, 4)), "contacts": None}, "zero frames"),
-        ({"fps": 0.0}, "fps must be above 0"),
+        ({"fps": 0.0}, "frames a second, expected 0.1 to 10000"),
         ({"fps": None}, "'fps' is missing"),
         ({"notes": "{"}, "Expecting property name"),
         ({"notes": '{"labels": [], "source": {"generator": "x", "spare": 1}}'}, "spare"),
@@ -228,7 +228,7 @@ def test_a_bad_motion_file_is_one_line(tmp_path: Path, changed: dict[str, object
     [
         ({"qpos": np.full((5, 9), np.inf)}, "frame 0 is not finite"),
         ({"qpos": np.zeros((0, 9)), "contact:left": None, "contact:right": None}, "zero frames"),
-        ({"fps": -1.0}, "fps must be above 0"),
+        ({"fps": -1.0}, "frames a second, expected 0.1 to 10000"),
         ({"joints": np.array(["neck"])}, "does not fit"),
         ({"contact:left": np.ones(3, bool)}, "differ in length"),
         ({"rig": None}, "'rig' is missing"),
