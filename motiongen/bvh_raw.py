@@ -112,14 +112,11 @@ def _motion(tail: str, width: int, path: str | Path) -> tuple[float, Array]:
         raise BvhError(f"{path}: {frames} frames, expected 1 to {MAX_FRAMES}")
     if not (np.isfinite(frame_time) and frame_time > 0):
         raise BvhError(f"{path}: frame time {words[4]} must be above 0 seconds")
-    try:
-        require_timing(frames, 1 / frame_time)
-    except (ValueError, ZeroDivisionError, OverflowError) as error:
-        raise BvhError(f"{path}: {error}") from None
     body = words[5].split() if len(words) > 5 else []
     if len(body) != frames * width:
         raise BvhError(f"{path}: {len(body)} values, but {frames} frames of {width} channels need {frames * width}")
     try:
+        require_timing(frames, 1.0 / frame_time)
         values = np.array(body, dtype=float).reshape(frames, width)
         require_plausible(values)
     except ValueError as error:

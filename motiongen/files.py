@@ -21,6 +21,7 @@ VERSION = 1
 MAX_BYTES = 1 << 30  # unpacked; an archive that promises more is refused before anything is unpacked
 RATES = (0.1, 10_000.0)  # frames a second that a file may have
 MAX_SECONDS = 4 * 3600.0  # a clip that lasts longer would not fit into memory at a robot's rate
+_ROWS = 10_000
 LARGEST = 1e9  # no coordinate or angle of any unit is above this; numbers near a float's end overflow later on
 
 
@@ -29,10 +30,15 @@ class FileError(ValueError):
 
 
 def require_plausible(values: NDArray[Any]) -> None:
-    """Raise ValueError naming the first row of (T, ...) that holds NaN, infinity or a number above 1e9."""
-    fine = (np.abs(values) <= LARGEST).all(axis=tuple(range(1, values.ndim)))
-    if not fine.all():
-        raise ValueError(f"frame {int(fine.argmin())} holds NaN, infinity or a number above {LARGEST:g}")
+    """Raise ValueError where (T, ...) are no real numbers, or naming the first row with NaN, infinity or over 1e9."""
+    if values.dtype.kind not in "fiu" or not values.ndim:
+        raise ValueError(f"{values.dtype} {values.shape} where rows of numbers are expected")
+    for start in range(0, len(values), _ROWS):  # in blocks: a mapped file may be large
+        rows = np.abs(values[start : start + _ROWS].astype(float))
+        fine = (rows <= LARGEST).reshape(len(rows), -1).all(1)
+        if not fine.all():
+            bad = start + int(fine.argmin())
+            raise ValueError(f"frame {bad} holds NaN, infinity or a number above {LARGEST:g}")
 
 
 def require_timing(frames: int, fps: float) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from motiongen.files import FileError, replacing, require_plausible
+from motiongen.files import FileError, replacing, require_plausible, require_timing
 from motiongen.fit import motion_from_positions
 from motiongen.humanml import HUMANML3D, KIT_ML, LAYOUTS, facing_front, features_to_positions, positions_to_features
 from motiongen.kit import kit_positions, kit_to_canonical
@@ -33,6 +33,7 @@ def read_humanml(path: str | Path) -> Motion:
         if layout is None:
             known = ", ".join(f"(T, {each.width}) or (T, {each.joints}, 3) of {each.name}" for each in LAYOUTS.values())
             raise ValueError(f"an array {array.shape}, expected {known}")
+        require_timing(len(array), layout.fps)
         where = features_to_positions(array) if array.ndim == 2 else array.astype(float)
         places = kit_to_canonical(where) if layout is KIT_ML else where[..., _TO_OURS]
         return motion_from_positions(places, layout.fps, Source(f"file {Path(path).name} ({layout.name})"))
