@@ -20,8 +20,8 @@ from motiongen.rotation import Array, quat_continuous
 
 _TO_FILE = [1, 2, 0]  # the file's x (left), y (up), z (front) out of our x (front), y (left), z (up)
 _FLOAT, _BYTE = 5126, 5121  # component types, 3.6.2.2
-_TAIL = 0.5  # how far the figure goes on past a leaf joint, as a share of the bone before it
-_WAIST, _GIRTH = 0.2, 0.12  # of a bone's length: where it is widest, and half its width there
+_TAIL, _SHORTEST = 0.5, 0.10  # how far the figure goes on past a leaf joint: share of the bone before it, least metres
+_WAIST, _GIRTH, _THINNEST = 0.2, 0.12, 0.035  # where a bone is widest, and half its width there, at least 0.035 m
 
 
 def write_glb(motion: Motion, path: str | Path) -> None:
@@ -130,7 +130,8 @@ def _figure(skeleton: Skeleton, rest: Array) -> tuple[Array, Array, Array]:
     bones = [(parent, rest[parent], rest[j]) for j, parent in enumerate(skeleton.parents) if parent >= 0]
     for j in range(len(skeleton.names)):
         if j not in skeleton.parents and j:
-            bones.append((j, rest[j], rest[j] + _TAIL * (rest[j] - rest[skeleton.parents[j]])))
+            before = rest[j] - rest[skeleton.parents[j]]
+            bones.append((j, rest[j], rest[j] + before * max(_TAIL, _SHORTEST / max(np.linalg.norm(before), 1e-6))))
     bones = [bone for bone in bones if np.linalg.norm(bone[2] - bone[1]) > 1e-6]
     corners = np.array([_spindle(start, end) for _, start, end in bones])
     normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
@@ -143,8 +144,9 @@ def _spindle(start: Array, end: Array) -> Array:
     """Eight triangles (8, 3, 3) of a four-sided spindle, counter-clockwise seen from outside."""
     along = end - start
     aside = np.cross(along, np.eye(3)[np.abs(along).argmin()])
-    aside *= _GIRTH * np.linalg.norm(along) / np.linalg.norm(aside)
-    across = np.cross(along, aside) / np.linalg.norm(along)
+    length = np.linalg.norm(along)
+    aside *= max(_GIRTH * length, _THINNEST) / np.linalg.norm(aside)
+    across = np.cross(along, aside) / length
     ring = start + _WAIST * along + np.array([aside, across, -aside, -across])
     after = np.roll(ring, -1, axis=0)
     top = [(a, b, end) for a, b in zip(ring, after, strict=True)]
