@@ -77,16 +77,17 @@ class Event:
 class Seen:
     """A motion measured in full: its totals, its events in order of time, and what cannot be cut into events.
 
-    `turned_deg` (T,): since the start, left positive, at 30 frames a second. Of (left, right): `lifted_deg`, the
-    furthest that the line from shoulder to wrist comes from straight down; `hand_path_m`, the way of the hand as seen
-    from the chest; `foot_high_m`, the furthest that the foot is off the floor. `ahead_m`: from start to end, forward
-    and left of where the pelvis faced at first. `skate`: share of the time in which a foot is down that it slides.
+    At 30 frames a second: `turned_deg` (T,) since the start, left positive, and `lifted_deg` (T, 2), by which the line
+    from shoulder to wrist is off straight down, of (left, right) arm. Of (left, right), too: `hand_path_m`, the way of
+    the hand as seen from the shoulder; `foot_high_m`, the furthest that the foot is off the floor. `ahead_m`: from
+    start to end, forward and left of where the pelvis faced at first. `skate`: share of the time in which a foot is
+    down that it slides.
     """
 
     totals: Measured
     events: tuple[Event, ...]
     turned_deg: Array
-    lifted_deg: tuple[float, float]
+    lifted_deg: Array
     hand_path_m: tuple[float, float]
     foot_high_m: tuple[float, float]
     ahead_m: tuple[float, float]
@@ -146,7 +147,7 @@ def observe(motion: Motion) -> Seen:
         totals,
         tuple(sorted(events, key=lambda event: event.at_s)),
         turned,
-        lifted_deg=_pair(lambda side: arms.lifted(motion, at, side).max()),
+        lifted_deg=np.stack([arms.lifted(motion, at, side) for side in SIDES], axis=1),
         hand_path_m=_pair(lambda side: arms.hand_path(motion, at, side)),
         foot_high_m=_pair(lambda side: feet.clear[:, SIDES.index(side)].max()),
         ahead_m=legs.ahead(motion),
