@@ -18,7 +18,7 @@ _ACTIONS = {
 _BY_LEG = ("stand-on-one-leg", "raise-knee", "kick")
 _BY_HAND = (
     "point", "point-forward", "point-up", "salute", "stop-sign", "beckon", "facepalm", "hand-on-heart", "listen",
-    "blow-kiss", "fist-pump",
+    "blow-kiss", "fist-pump", "punch",
 )  # fmt: skip
 
 _SIDED = ("wave", "raise", "arm", "turn", "hand", "leg", "aside")
@@ -26,10 +26,12 @@ _SIDED = ("wave", "raise", "arm", "turn", "hand", "leg", "aside")
 _THEN = re.compile(r",?\s*\b(?:and )?(?:then|after that|afterwards|followed by|before)\b\s*")
 _WHILE = re.compile(r",?\s*\b(?:while|as (?=\w+ (?:walk|march|run|go)))\b\s*")
 _ORDERS: tuple[tuple[re.Pattern[str], Order], ...] = ((_THEN, "then"), (_WHILE, "while"))
+_AT_ONCE = re.compile(r"\b(?:at the same time|meanwhile|simultaneously)\b")
 _AND = re.compile(r"\s+and\s+")
 _RUN = re.compile(r"\b(?:run|jog|sprint|dash)\w*")
 _WALK = re.compile(r"\b(?:walk|stroll|march)\w*")
 _STEPS = re.compile(r"\bsteps?\b")
+_UP = re.compile(r"\b(?:arms?|hands?)\b.*\b(?:up|in the air)\b")
 _TURN = re.compile(r"\b(?:turn|rotat|spin|corner|curve)\w*\b(?!.*\b(?:head|body|eyes|face)\b)")
 _ASIDE = re.compile(r"\bsidestep\w*|\bshuffles?\b|\b(?:walk|step|mov)\w* sideways|\bwithout turning\b")
 
@@ -41,9 +43,9 @@ def asked_of(text: str) -> Asked | None:
         parts = [part for part in pattern.split(text) if part]
         if len(parts) > 1:
             return _together([_claim(part) for part in parts], order)
-    halves = [_claim(part) for part in _AND.split(text)]
-    if None not in halves and len({claim.action for claim in halves if claim}) == len(halves) > 1:
-        return _together(halves, "any")
+    halves = [claim for part in _AND.split(text) if (claim := _claim(part))]
+    if len({claim.action for claim in halves}) == len(halves) > 1:
+        return _together([*halves], "while" if _AT_ONCE.search(text) else "any")
     return _together([_claim(text)], "any")
 
 
@@ -77,7 +79,7 @@ def _action(text: str, said: Request) -> str | None:
         return "aside"
     if _TURN.search(text):
         return "turn"
-    if _STEPS.search(text) and said.count is not None:
+    if _STEPS.search(text) and said.name in (None, "march"):
         return "step"
     if said.name in _ACTIONS:
         return _ACTIONS[said.name]
@@ -85,6 +87,8 @@ def _action(text: str, said: Request) -> str | None:
         return "hand"
     if said.name in _BY_LEG:
         return "leg"
+    if said.name is None and _UP.search(text):
+        return "raise"
     if _RUN.search(text):
         return "run"
     return "walk" if _WALK.search(text) else None

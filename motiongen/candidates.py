@@ -1,7 +1,8 @@
 """Draw several motions for a text and keep the one that measures right.
 
 Counts, sides and degrees can be measured in the motion itself, so a generator that gets them right sometimes gets them
-right more often when the best of a few is kept. Where a text has nothing that can be measured, one is drawn.
+right more often when the best of a few is kept. One is drawn first; where it does all that was asked, or where nothing that
+was asked can be measured, it is kept and no other is drawn.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from motiongen.asking import asked_of
-from motiongen.claims import describe, shortfall
+from motiongen.claims import describe, holds, shortfall
 from motiongen.generator import Generator, PromptError
 from motiongen.measure import observe
 from motiongen.motion import Motion
@@ -53,8 +54,8 @@ def choose(
     seed: int = 0,
     guidance: float | None = None,
 ) -> Choice:
-    """The candidate that falls least short of what `text` asks for; of equals the one whose feet slide less, then the
-    first.
+    """The first candidate where it does what `text` asks for, else the one of all that falls least short of it; of
+    equals the one whose feet slide less, then the first.
 
     Candidate i is drawn from `seed` + i, so with one candidate it is `generator.generate`. Raises PromptError for a
     number of candidates out of 1 … 64, and what the generator raises.
@@ -62,10 +63,12 @@ def choose(
     if not 1 <= candidates <= MOST:
         raise PromptError(f"{candidates} candidates; 1 to {MOST} are possible")
     asked = asked_of(text)
+    first = generator.generate(text, seconds=seconds, seed=seed, guidance=guidance)
     if asked is None or candidates == 1:
-        motion = generator.generate(text, seconds=seconds, seed=seed, guidance=guidance)
-        return Choice(motion, 0, 1, "", True)
-    motions = _drawn(generator, text, candidates, seconds, seed, guidance)
+        return Choice(first, 0, 1, "", True)
+    if holds(asked, observe(first)):
+        return Choice(first, 0, 1, describe(asked), True)
+    motions = [first, *_drawn(generator, text, candidates - 1, seconds, seed + 1, guidance)]
     seen = [observe(motion) for motion in motions]
     short = [shortfall(asked, each) for each in seen]
     skate = [round(each.skate / SKATE_STEP) for each in seen]
