@@ -1,5 +1,5 @@
-"""How exactly motion files come in and go out: HumanML3D's features against its authors', BVH round trips; with
-`--corpus` (some ten minutes), what the build of data sets takes and how large the whole corpus is.
+"""How exactly motion files come in and go out: HumanML3D's features against its authors', BVH round trips, what becomes
+of damaged files; with `--corpus` (some ten minutes), what a build of data sets takes and how large the corpus is.
 
 Needs RIGCAST_HUMANML3D (a folder with `new_joints-*.npy` and `new_joint_vecs-*.npy` of a clip) and RIGCAST_MOTION_DATA
 (a folder with Bandai-Namco's and CMU's BVH files); what is not there is left out and said so.
@@ -10,13 +10,17 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
 import subprocess
 import sys
 import tempfile
 import time
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from fuzz import FORMATS, fuzz
 
 from motiongen.bvh import read_bvh
 from motiongen.bvh_write import write_bvh
@@ -25,6 +29,8 @@ from motiongen.humanml import SMOOTHING, features_to_positions, positions_to_fea
 
 REACH = round(4 * SMOOTHING)  # frames at the end whose smoothed heading knows that the stored joints lack their last
 CLIPS, QUICK_CLIPS = 200, 20
+DAMAGED, QUICK_DAMAGED = 2000, 100  # files a format
+PAGE = Path(__file__).parent.parent / "docs/files.md"
 TARGETS = {
     "features, root and positions": 1e-5,
     "features, contacts that differ": 0,
@@ -40,7 +46,7 @@ CORPUS_LEAST = {
     "whole corpus [h]": 10,
     "whole corpus [captions]": 20_000,
 }
-WHOLE = ("gestures:5000",)  # besides the motion capture
+WHOLE = ("gestures:5000", "composed:2500")  # besides the motion capture
 
 
 def main() -> int:
@@ -50,8 +56,11 @@ def main() -> int:
     parser.add_argument("--corpus", action="store_true", help="build the data sets too, from RIGCAST_MOTION_DATA")
     parser.add_argument("--json", action="store_true", help="one JSON document")
     parser.add_argument("--gate", action="store_true", help="exit 1 where a target is missed")
+    parser.add_argument("--fuzz", type=int, metavar="N", help=f"damaged files a format, {DAMAGED} unless said")
+    parser.add_argument("--write", action="store_true", help="put the figures into docs/files.md")
     options = parser.parse_args()
     found: dict[str, float] = {}
+    tried = fuzz((QUICK_DAMAGED if options.quick else DAMAGED) if options.fuzz is None else options.fuzz)
     if folder := os.environ.get("RIGCAST_HUMANML3D"):
         found |= features(Path(folder))
     if folder := os.environ.get("RIGCAST_MOTION_DATA"):
@@ -61,10 +70,11 @@ def main() -> int:
         at_most, at_least = TARGETS | CORPUS_TARGETS, CORPUS_LEAST
         if folder:
             found |= corpus(Path(folder).expanduser())
-    if options.json:
-        print(json.dumps({"found": found, "at most": at_most, "at least": at_least}, indent=2))
-    else:
-        print(table(found, at_most, "at most"), table(found, at_least, "at least"), sep="\n" if at_least else "")
+    lines = "\n".join([*table(found, at_most, "at most"), *table(found, at_least, "at least"), *fuzz_table(tried)])
+    document = {"found": found, "at most": at_most, "at least": at_least, "damaged": tried}
+    print(json.dumps(document, indent=2) if options.json else lines)
+    if options.write:
+        write(lines)
     short = [name for name, target in at_most.items() if not found.get(name, np.inf) <= target]
     short += [name for name, target in at_least.items() if not found.get(name, 0) >= target]
     if options.gate and short:
@@ -134,10 +144,30 @@ def spread(clips: list[Path], count: int) -> list[Path]:
     return [clips[i] for i in np.linspace(0, len(clips) - 1, min(count, len(clips))).astype(int)]
 
 
-def table(found: dict[str, float], targets: dict[str, float], bound: str) -> str:
+def table(found: dict[str, float], targets: dict[str, float], bound: str) -> list[str]:
     """The figures as lines."""
     said = {name: f"{found[name]:.6g}" if name in found else "not measured: no data" for name in targets}
-    return "\n".join(f"{name:<42} {said[name]:<22} target: {bound} {targets[name]:g}" for name in targets)
+    return [f"{name:<42} {said[name]:<22} target: {bound} {targets[name]:g}" for name in targets]
+
+
+def fuzz_table(tried: dict[str, Any]) -> list[str]:
+    """What became of the damaged files, as lines."""
+    said = [
+        f"{f'damaged {suffix} files':<42} {sum(tried['files'][suffix].values())} tried, "
+        f"{tried['files'][suffix].get('refused', 0)} refused in one line, {tried['files'][suffix].get('read', 0)} read"
+        for suffix in FORMATS
+    ]
+    return [*said, f"{'memory that took at most':<42} {tried['peak_mb']} MB"]
+
+
+def write(lines: str) -> None:
+    """Put the figures, the day and the machine's kind into the block under `## Measured`."""
+    before, mark, rest = PAGE.read_text(encoding="utf-8").partition("```text\n")
+    if not mark:
+        raise SystemExit(f"{PAGE}: no block ```text to put the figures into")
+    when = f"{datetime.now(UTC):%Y-%m-%d}, {platform.machine()} {platform.system()}, {os.cpu_count()} cores"
+    after = rest.partition("```")[2]
+    PAGE.write_text(f"{before}{mark}{when}\n{lines}\n```{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

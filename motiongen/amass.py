@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from motiongen.files import FileError, load_arrays, replacing, require_plausible
+from motiongen.files import FileError, load_arrays, replacing, require_plausible, require_timing
 from motiongen.ground import on_floor
 from motiongen.motion import SMPL_JOINTS, Motion, Source
 from motiongen.rotation import matrix_to_quat, quat_conj, quat_continuous, quat_mul, quat_to_rotvec, rotvec_to_quat
@@ -88,4 +88,6 @@ def _checked(arrays: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, float]:
     if len(poses) > MAX_FRAMES:
         raise ValueError(f"{len(poses)} frames, expected at most {MAX_FRAMES}")
     require_plausible(np.hstack([poses, trans]))
-    return poses.astype(float), trans.astype(float), float(rates[0].item())
+    fps = float(rates[0].item())
+    require_timing(len(poses), fps)
+    return poses.astype(float), trans.astype(float), fps

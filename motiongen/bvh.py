@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from motiongen.bvh_raw import BvhError, RawBvh, read_raw
-from motiongen.fit import motion_from_positions
+from motiongen.fit import fill_joints, motion_from_positions, skipped_joints
 from motiongen.ground import on_floor
 from motiongen.joint_names import match_joints
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Motion, Skeleton, Source
@@ -63,7 +63,7 @@ def canonical(raw: RawBvh, name: str) -> Motion:
     """
     turn, where = forward(raw)
     for table in TABLES.values():
-        if set(table.joints.values()) <= set(raw.names):
+        if set(table.joints.values()) <= set(raw.names) and (table.own_names or _limbs_fit(raw, table)):
             motion = _from_frames(raw, table.joints, _table_rest(table), _Y_UP, table.unit, turn, where)
             motion = _described(motion, table.foot_height, name, table.licence)
             return motion if table.floor else on_floor(motion)
@@ -79,7 +79,7 @@ def canonical(raw: RawBvh, name: str) -> Motion:
     rest = _pose_rest(raw, turn, where, at)
     if rest is not None:
         return on_floor(_described(_from_frames(raw, joints, rest, world, unit, turn, where), heights, source))
-    places = _filled(where @ world.T * unit, at)
+    places = fill_joints(where @ world.T * unit, at)
     return on_floor(motion_from_positions(places, raw.fps, Source(f"{source}; rotations fitted")))
 
 
@@ -109,6 +109,24 @@ def _table_rest(table: SkeletonTable) -> dict[str, Array]:
     return frames
 
 
+def _limbs_fit(raw: RawBvh, table: SkeletonTable) -> bool:
+    """Whether arms and legs lie in the file's joint frames as they must for the table's T-pose to be one."""
+    rest = _table_rest(table)
+    for joint, name in table.joints.items():
+        side, _, part = joint.partition("_")
+        if part in _STRAIGHT:
+            bone = rest[name] @ raw.offsets[raw.names.index(table.joints[f"{side}_{_NEXT[part]}"])]
+            if bone @ _straight(side, part) <= _NEAR * np.linalg.norm(bone):
+                return False
+    return True
+
+
+def _straight(side: str, part: str) -> Array:
+    """Where the bone that starts at a limb's joint points in a T-pose."""
+    letter = _STRAIGHT[part]
+    return np.array(_DIRECTIONS["R" if (side, letter) == ("right", "L") else letter], float)
+
+
 def _from_frames(
     raw: RawBvh, joints: dict[str, str], rest: dict[str, Array], world: Array, unit: float, turn: Array, where: Array
 ) -> Motion:
@@ -125,7 +143,7 @@ def _from_frames(
         here = raw.names.index(joints[name])
         turns[name] = world @ turn[:, here] @ rest[joints[name]].T
         if j:
-            skipped = _skipped(j, joints)
+            skipped = skipped_joints(j, joints)
             above = SMPL_JOINTS[SMPL_PARENTS[skipped[0]]]
             bone = (where[:, here] - where[:, raw.names.index(joints[above])]) @ world.T * unit
             offsets[skipped] = np.einsum("tji,tj->ti", turns[above], bone).mean(0) / len(skipped)
@@ -136,28 +154,6 @@ def _from_frames(
     root = where[:, raw.names.index(joints["pelvis"])] @ world.T * unit
     skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, offsets)
     return Motion(root, quat_continuous(matrix_to_quat(local)), raw.fps, skeleton)
-
-
-def _skipped(joint: int, joints: dict[str, str]) -> list[int]:
-    """`joint` and the canonical joints above it that the file lacks, the highest first."""
-    chain = [joint]
-    while SMPL_JOINTS[SMPL_PARENTS[chain[0]]] not in joints:
-        chain.insert(0, SMPL_PARENTS[chain[0]])
-    return chain
-
-
-def _filled(places: Array, at: dict[str, int]) -> Array:
-    """Positions (T, 22, 3), joints that the file lacks spread evenly along the bone that skips them."""
-    joints = dict.fromkeys(at, "")
-    out = np.zeros((len(places), len(SMPL_JOINTS), 3))
-    for j, name in enumerate(SMPL_JOINTS):
-        if name in at:
-            out[:, j] = places[:, at[name]]
-            chain = _skipped(j, joints) if j else []
-            for k, missing in enumerate(chain[:-1], start=1):
-                start = out[:, SMPL_PARENTS[chain[0]]]
-                out[:, missing] = start + (out[:, j] - start) * k / len(chain)
-    return out
 
 
 def _world_axes(where: Array, at: dict[str, int]) -> Array:
@@ -202,8 +198,7 @@ def _straightened(turns: Array, places: Array, at: dict[str, int]) -> dict[str, 
     for joint in at:
         side, _, part = joint.partition("_")
         if part in _STRAIGHT:
-            letter = _STRAIGHT[part]
-            want = np.array(_DIRECTIONS["R" if (side, letter) == ("right", "L") else letter], float)
+            want = _straight(side, part)
             bone = body @ (places[at[f"{side}_{_NEXT[part]}"]] - places[at[joint]])
             bone = bone / max(np.linalg.norm(bone), 1e-12)
             if bone @ want < _NEAR:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from motiongen.files import LARGEST, require_plausible
+from motiongen.files import LARGEST, require_plausible, require_timing
 from motiongen.rotation import Array, axis_angle_to_quat, quat_mul
 
 MAX_FRAMES = 1_000_000
@@ -116,6 +116,7 @@ def _motion(tail: str, width: int, path: str | Path) -> tuple[float, Array]:
     if len(body) != frames * width:
         raise BvhError(f"{path}: {len(body)} values, but {frames} frames of {width} channels need {frames * width}")
     try:
+        require_timing(frames, 1.0 / frame_time)
         values = np.array(body, dtype=float).reshape(frames, width)
         require_plausible(values)
     except ValueError as error:

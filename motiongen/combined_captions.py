@@ -16,7 +16,7 @@ MOST_PHRASES = 5  # of a part, in the grammar of a combination: their product is
 # "walks and turns left" cannot be joined with "and then" and still be understood.
 _MANIFOLD = re.compile(r"\b(and|then|while|after|before|now)\b|,|^(is|are) ")
 _THIRD = re.compile(r"(?:an? (?:[\w-]+ )*(?:person|man|woman|figure|robot)|someone|the \w+|he|she|they) (\w+s .+|\w+s)")
-_ASKED = re.compile(r"please (\w.+|\w+)")
+_ASKED = re.compile(r"(?:please|now|can you) (\w.+|\w+)")
 _NO_DOING = re.compile(r"(keep|go) \w+ing\b|be ")
 _DOUBLED = (
     "bid", "clap", "cup", "flap", "get", "hit", "hop", "hug", "jog", "nod", "put", "rub", "run", "shrug", "sidestep",
@@ -35,13 +35,13 @@ class Phrases:
 def phrases_of(captions: Iterable[str]) -> Phrases:
     """The verb phrases in `captions` that can be joined with others, at most 5 of a kind, each once.
 
-    Raises ValueError where there is none in the third person, or none of "please …".
+    Raises ValueError where there is none in the third person.
     """
     captions = tuple(captions)
     third = [found[1] for caption in captions if (found := _THIRD.fullmatch(caption))]
     plain = [found[1] for caption in captions if (found := _ASKED.fullmatch(caption))]
     phrases = Phrases(*(_simple(said) for said in (third, plain)))
-    if not phrases.third or not phrases.plain:
+    if not phrases.third:
         raise ValueError(f"no phrase to join with others in captions such as {captions[0] if captions else ''!r}")
     return phrases
 

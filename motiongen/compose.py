@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from motiongen.motion import SMPL_JOINTS, Label, Motion, Source
 from motiongen.parts import PARTS, joints_of
-from motiongen.rotation import Array, quat_conj, quat_continuous, quat_mul, quat_normalize, slerp
+from motiongen.rotation import Array, quat_conj, quat_continuous, quat_mul, quat_normalize, quat_to_rotvec, slerp
 from motiongen.seams import find_loop, find_seam, joined, on_skeleton
 from motiongen.swings import smoothed
 
@@ -127,6 +127,14 @@ def clearance(motion: Motion) -> float:
             near = a + np.clip(along, 0, 1)[:, None] * (b - a)
             least = min(least, float(np.linalg.norm(hand - near, axis=1).min()))
     return least
+
+
+def sharpest(motion: Motion) -> float:
+    """The largest angular acceleration of a joint on its parent, in rad/s²."""
+    speed = quat_to_rotvec(quat_mul(quat_conj(motion.joint_quat[:-1]), motion.joint_quat[1:])) * motion.fps
+    if len(speed) < 2:
+        return 0.0
+    return float(np.linalg.norm(np.diff(speed, axis=0), axis=-1).max() * motion.fps)
 
 
 def _need_smpl(motion: Motion) -> None:

@@ -19,8 +19,9 @@ from motiongen.motion import Label, Motion, Skeleton, Source
 
 VERSION = 1
 MAX_BYTES = 1 << 30  # unpacked; an archive that promises more is refused before anything is unpacked
-
-
+RATES = (0.1, 10_000.0)  # frames a second that a file may have
+MAX_SECONDS = 4 * 3600.0  # a clip that lasts longer would not fit into memory at a robot's rate
+_ROWS = 10_000
 LARGEST = 1e9  # no coordinate or angle of any unit is above this; numbers near a float's end overflow later on
 
 
@@ -29,10 +30,23 @@ class FileError(ValueError):
 
 
 def require_plausible(values: NDArray[Any]) -> None:
-    """Raise ValueError naming the first row of (T, ...) that holds NaN, infinity or a number above 1e9."""
-    fine = (np.abs(values) <= LARGEST).all(axis=tuple(range(1, values.ndim)))
-    if not fine.all():
-        raise ValueError(f"frame {int(fine.argmin())} holds NaN, infinity or a number above {LARGEST:g}")
+    """Raise ValueError where (T, ...) are no real numbers, or naming the first row with NaN, infinity or over 1e9."""
+    if values.dtype.kind not in "fiu" or not values.ndim:
+        raise ValueError(f"{values.dtype} {values.shape} where rows of numbers are expected")
+    for start in range(0, len(values), _ROWS):  # in blocks: a mapped file may be large
+        rows = np.abs(values[start : start + _ROWS].astype(float))
+        fine = (rows <= LARGEST).reshape(len(rows), -1).all(1)
+        if not fine.all():
+            bad = start + int(fine.argmin())
+            raise ValueError(f"frame {bad} holds NaN, infinity or a number above {LARGEST:g}")
+
+
+def require_timing(frames: int, fps: float) -> None:
+    """Raise ValueError where the frames a second are no camera's, or that many frames last over four hours."""
+    if not RATES[0] <= fps <= RATES[1]:
+        raise ValueError(f"{fps:.6g} frames a second, expected {RATES[0]:g} to {RATES[1]:g}")
+    if frames / fps > MAX_SECONDS:
+        raise ValueError(f"{frames} frames at {fps:.6g} a second last over {MAX_SECONDS / 3600:g} hours")
 
 
 @contextmanager
@@ -159,6 +173,7 @@ def load_motion(path: str | Path) -> Motion:
         skeleton = Skeleton(names, parents, arrays["offsets"], (ankle, toe))
         contacts = arrays["contacts"].astype(bool) if "contacts" in arrays else None
         fps = float(arrays["fps"])
+        require_timing(len(arrays["root_pos"]), fps)
         return Motion(arrays["root_pos"], arrays["joint_quat"], fps, skeleton, labels, source, contacts)
     except KeyError as error:
         raise FileError(f"{path}: damaged motion file ({error} is missing)") from None

@@ -7,6 +7,7 @@ shares the twist between pelvis and chest; every other bone takes the shortest w
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -65,6 +66,29 @@ def motion_from_positions(positions: ArrayLike, fps: float, source: Source, skel
     for j, parent in enumerate(SMPL_PARENTS[1:], start=1):
         local[:, j] = quat_mul(quat_conj(world[:, parent]), world[:, j])
     return Motion(where[:, 0], quat_continuous(local), fps, body, source=source)
+
+
+def fill_joints(places: Array, at: Mapping[str, int]) -> Array:
+    """Positions (T, 22, 3) out of `places` (T, n, 3), `at` its rows by canonical name; joints without one are spread
+    evenly along the bone that skips them.
+    """
+    out = np.zeros((len(places), len(SMPL_JOINTS), 3))
+    for j, name in enumerate(SMPL_JOINTS):
+        if name in at:
+            out[:, j] = places[:, at[name]]
+            chain = skipped_joints(j, at) if j else []
+            for k, missing in enumerate(chain[:-1], start=1):
+                start = out[:, SMPL_PARENTS[chain[0]]]
+                out[:, missing] = start + (out[:, j] - start) * k / len(chain)
+    return out
+
+
+def skipped_joints(joint: int, known: Collection[str]) -> list[int]:
+    """`joint` and the canonical joints above it that are not among the `known` names, the highest first."""
+    chain = [joint]
+    while SMPL_JOINTS[SMPL_PARENTS[chain[0]]] not in known:
+        chain.insert(0, SMPL_PARENTS[chain[0]])
+    return chain
 
 
 def _sized(lengths: Array) -> Skeleton:

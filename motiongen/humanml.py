@@ -18,13 +18,23 @@ Text", and the data set's published sample, against which the tests hold it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from motiongen.rotation import Array, matrix_to_6d, quat_conj, quat_mul, quat_rotate, quat_to_matrix, shortest_arc
+from motiongen.rotation import (
+    Array,
+    matrix_to_6d,
+    quat_conj,
+    quat_mul,
+    quat_rotate,
+    quat_to_matrix,
+    shortest_arc,
+    yaw_quat,
+)
 
 SMOOTHING = 20.0  # frames: standard deviation of the Gaussian over the heading, cut at four of them
 _LEFT, _UP, _FRONT = np.eye(3)
@@ -87,6 +97,15 @@ KIT_ML = Layout(
     still=0.05,
 )  # fmt: skip
 LAYOUTS = {layout.width: layout for layout in (HUMANML3D, KIT_ML)}
+
+
+def facing_front(where: Array, pairs: Sequence[tuple[int, int]]) -> Array:
+    """Positions (T, J, 3), z up, moved and turned as both data sets begin: the root over the origin, facing +x in the
+    first frame, the clip's lowest joint on the floor. `pairs`: rows of joints, left and right, that tell the heading.
+    """
+    left = np.sum([where[0, a] - where[0, b] for a, b in pairs], axis=0)
+    where = quat_rotate(yaw_quat(np.arctan2(left[0], left[1])), where)
+    return where - [where[0, 0, 0], where[0, 0, 1], where[..., 2].min()]
 
 
 def positions_to_features(positions: ArrayLike, layout: Layout = HUMANML3D) -> Array:

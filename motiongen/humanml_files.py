@@ -1,4 +1,4 @@
-"""HumanML3D's `.npy` files: 263-d features or `new_joints`, told apart by their shape, to a `Motion` and back."""
+"""`.npy` files of HumanML3D and KIT-ML: features or `new_joints`, told apart by their shape, to a `Motion` and back."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from motiongen.files import FileError, replacing, require_plausible
+from motiongen.files import FileError, replacing, require_plausible, require_timing
 from motiongen.fit import motion_from_positions
-from motiongen.humanml import HUMANML3D, KIT_ML, features_to_positions, positions_to_features
+from motiongen.humanml import HUMANML3D, KIT_ML, LAYOUTS, facing_front, features_to_positions, positions_to_features
+from motiongen.kit import kit_positions, kit_to_canonical
 from motiongen.motion import SMPL_JOINTS, Motion, Source
-from motiongen.rotation import Array, quat_rotate, yaw_quat
+from motiongen.rotation import Array
 
 MAX_FRAMES = 1_000_000
 _TO_OURS = [2, 0, 1]  # x front, y left, z up out of the file's x left, y up, z front
@@ -18,25 +19,24 @@ _TO_FILE = [1, 2, 0]
 
 
 def read_humanml(path: str | Path) -> Motion:
-    """Read features (T, 263) or joint positions (T, 22, 3) at 20 frames a second, metres, y up, facing +z.
+    """Read HumanML3D's features (T, 263) or joint positions (T, 22, 3), or KIT-ML's (T, 251) or (T, 21, 3).
 
+    HumanML3D is in metres at 20 frames a second; for KIT-ML's unit and its 12.5 frames a second see `motiongen.kit`.
     Rotations are fitted to the positions (`motiongen.fit`); the features' own leave the twist of every bone open and
     are not used. Raises FileError where the array has another shape, holds objects or NaN, or the file is cut short;
     OSError where it cannot be opened.
     """
     array = _load(path)
-    joints = len(SMPL_JOINTS)
     try:
         require_plausible(array)
-        if array.shape[1:] == (HUMANML3D.width,):
-            where = features_to_positions(array)
-        elif array.shape[1:] == (joints, 3):
-            where = array.astype(float)
-        elif array.shape[1:] in ((KIT_ML.width,), (KIT_ML.joints, 3)):
-            raise ValueError("KIT-ML has another skeleton; motiongen.humanml gives its joint positions, not a motion")
-        else:
-            raise ValueError(f"an array {array.shape}, expected features (T, 263) or joint positions (T, {joints}, 3)")
-        return motion_from_positions(where[..., _TO_OURS], HUMANML3D.fps, Source(f"file {Path(path).name}"))
+        layout = next((each for each in LAYOUTS.values() if array.shape[1:] in ((each.width,), (each.joints, 3))), None)
+        if layout is None:
+            known = ", ".join(f"(T, {each.width}) or (T, {each.joints}, 3) of {each.name}" for each in LAYOUTS.values())
+            raise ValueError(f"an array {array.shape}, expected {known}")
+        require_timing(len(array), layout.fps)
+        where = features_to_positions(array) if array.ndim == 2 else array.astype(float)
+        places = kit_to_canonical(where) if layout is KIT_ML else where[..., _TO_OURS]
+        return motion_from_positions(places, layout.fps, Source(f"file {Path(path).name} ({layout.name})"))
     except ValueError as error:
         raise FileError(f"{path}: {error}") from None
 
@@ -47,9 +47,21 @@ def write_humanml(motion: Motion, path: str | Path) -> None:
     Bone lengths stay the motion's own; the data set's are those of one body. Raises ValueError where the motion is
     under two frames long at that rate or lacks the 22 joints, OSError where `path` cannot be written.
     """
-    features = positions_to_features(humanml_positions(motion)).astype(np.float32)
+    _write(positions_to_features(humanml_positions(motion)), path)
+
+
+def write_kit(motion: Motion, path: str | Path) -> None:
+    """Write `motion` as KIT-ML features (T - 1, 251), float32, at 12.5 frames a second; see `motiongen.kit`.
+
+    Raises ValueError where the motion is under two frames long at that rate or lacks a joint, OSError where `path`
+    cannot be written.
+    """
+    _write(positions_to_features(kit_positions(motion), KIT_ML), path)
+
+
+def _write(features: Array, path: str | Path) -> None:
     with replacing(path) as temporary, temporary.open("wb") as file:
-        np.save(file, features, allow_pickle=False)
+        np.save(file, features.astype(np.float32), allow_pickle=False)
 
 
 def humanml_positions(motion: Motion) -> Array:
@@ -58,13 +70,8 @@ def humanml_positions(motion: Motion) -> Array:
     """
     rows = [motion.skeleton.index(name) for name in SMPL_JOINTS]
     where = (motion if motion.fps == HUMANML3D.fps else motion.resampled(HUMANML3D.fps)).positions()[:, rows]
-    hips, shoulders = (
-        [SMPL_JOINTS.index(f"{side}_{joint}") for side in ("left", "right")] for joint in ("hip", "shoulder")
-    )
-    left = where[0, hips[0]] - where[0, hips[1]] + where[0, shoulders[0]] - where[0, shoulders[1]]
-    where = quat_rotate(yaw_quat(np.arctan2(left[0], left[1])), where)
-    start = np.array([where[0, 0, 0], where[0, 0, 1], where[..., 2].min()])
-    return (where - start)[..., _TO_FILE]
+    pairs = [(SMPL_JOINTS.index(f"left_{joint}"), SMPL_JOINTS.index(f"right_{joint}")) for joint in ("hip", "shoulder")]
+    return facing_front(where, pairs)[..., _TO_FILE]
 
 
 def _load(path: str | Path) -> np.ndarray:

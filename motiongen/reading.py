@@ -11,7 +11,7 @@ MOTION_FILES = (".bvh", ".npy", ".npz")
 
 
 def read_motion(path: Path) -> Motion:
-    """The human motion in a `.bvh`, an `.npz` (ours or AMASS) or a HumanML3D `.npy` file.
+    """The human motion in a `.bvh`, an `.npz` (ours or AMASS) or a HumanML3D or KIT-ML `.npy` file.
 
     Raises FileError or another ValueError where it cannot be understood, OSError where it cannot be opened.
     """

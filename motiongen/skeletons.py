@@ -15,7 +15,8 @@ class SkeletonTable:
     skips it. `axes`: name in the file → three letters for where its x, y, z point in the T-pose: F(ront), B(ack),
     L(eft), R(ight), U(p), D(own). `pitch`: radians, nose down, by which a joint's frame is turned about the left axis
     after that. `unit`: metres per unit of the file. The file's world is y up, facing z. `floor`: whether the floor of
-    its clips is at height 0; where it is not, the clip's lowest foot is put on it.
+    its clips is at height 0; where it is not, the clip's lowest foot is put on it. `own_names`: whether no other
+    skeleton has these names; where others do, the limbs must lie in the file as `axes` says.
     """
 
     joints: dict[str, str]
@@ -25,6 +26,7 @@ class SkeletonTable:
     licence: str
     foot_height: tuple[float, float]
     floor: bool = True
+    own_names: bool = True
 
 
 # Foot and toe pitch: the mean over planted, level feet of the data set itself, so that a flat sole is the identity.
@@ -90,4 +92,29 @@ CMU = SkeletonTable(
     foot_height=(0.056, 0.033),
     floor=False,
 )  # fmt: skip
-TABLES = {"bandai-namco": BANDAI_NAMCO, "smpl": SMPL, "cmu": CMU}
+# LAFAN1: every limb lies along its joints' x axis, so that its zero pose is none of a body. The letters follow from the
+# offsets and from the hinges of knees and elbows; the feet were measured while the figure stands at the start of
+# walk1_subject1, its toe joints on the floor.
+LAFAN1 = SkeletonTable(
+    joints={
+        "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2", "neck": "Neck", "head": "Head",
+        "left_collar": "LeftShoulder", "left_shoulder": "LeftArm", "left_elbow": "LeftForeArm",
+        "left_wrist": "LeftHand", "right_collar": "RightShoulder", "right_shoulder": "RightArm",
+        "right_elbow": "RightForeArm", "right_wrist": "RightHand",
+        "left_hip": "LeftUpLeg", "left_knee": "LeftLeg", "left_ankle": "LeftFoot", "left_foot": "LeftToe",
+        "right_hip": "RightUpLeg", "right_knee": "RightLeg", "right_ankle": "RightFoot", "right_foot": "RightToe",
+    },
+    axes={
+        "Hips": "UFL", "Spine": "UFL", "Spine1": "UFL", "Spine2": "UFL", "Neck": "UFL", "Head": "UFL",
+        "LeftShoulder": "LBU", "LeftArm": "LBU", "LeftForeArm": "LBU", "LeftHand": "LBU",
+        "RightShoulder": "RBD", "RightArm": "RBD", "RightForeArm": "RBD", "RightHand": "RBD",
+        "LeftUpLeg": "DFR", "LeftLeg": "DFR", "LeftFoot": "FUR", "LeftToe": "FUR",
+        "RightUpLeg": "DFR", "RightLeg": "DFR", "RightFoot": "FUR", "RightToe": "FUR",
+    },
+    pitch={"LeftFoot": 0.43, "RightFoot": 0.43, "LeftToe": 0.055, "RightToe": 0.055},
+    unit=0.01,
+    licence="CC BY-NC-ND 4.0 (Ubisoft La Forge Animation Dataset)",
+    foot_height=(0.072, 0.0),
+    own_names=False,
+)  # fmt: skip
+TABLES = {"bandai-namco": BANDAI_NAMCO, "smpl": SMPL, "cmu": CMU, "lafan1": LAFAN1}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from motiongen.files import FileError, notes_from_json, notes_to_json, read_kind, replacing, write_npz
+from motiongen.files import FileError, notes_from_json, notes_to_json, read_kind, replacing, require_timing, write_npz
 from retarget.trajectory import Trajectory
 
 CSV_ROOT = ("time_s", "root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_qy", "root_qz")
@@ -39,6 +39,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
         joints = tuple(map(str, arrays["joints"]))
         contacts = {n.removeprefix(_CONTACT): arrays[n].astype(bool) for n in arrays if n.startswith(_CONTACT)}
         fps, rig = float(arrays["fps"]), str(arrays["rig"])
+        require_timing(len(arrays["qpos"]), fps)
         return Trajectory(arrays["qpos"], fps, rig, joints, contacts, labels, source)
     except KeyError as error:
         raise FileError(f"{path}: damaged trajectory file ({error} is missing)") from None

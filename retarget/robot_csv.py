@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from motiongen.files import LARGEST, FileError, replacing
+from motiongen.files import LARGEST, FileError, replacing, require_timing
 from motiongen.motion import Source
 from motiongen.rotation import Array, slerp
 from retarget.files import CSV_ROOT, write_csv
@@ -59,6 +59,7 @@ def read_robot_csv(path: str | Path, style: Style, rig: str, joints: tuple[str, 
         if not (np.abs(norm - 1) < 0.01).all():
             raise ValueError(f"the root quaternion of frame {int(np.abs(norm - 1).argmax())} is not of unit length")
         qpos[:, 3:7] /= norm
+        require_timing(len(qpos), rate)
         return Trajectory(qpos, rate, rig, joints, source=Source(f"file {Path(path).name} ({style})"))
     except ValueError as error:
         raise FileError(f"{path}: {error}") from None

@@ -26,8 +26,8 @@ class Delivery:
     """Where a take goes."""
 
     out: Annotated[UseAppendAction[tuple[Path, ...]], arg(metavar="FILE")] = ()
-    """Write by suffix: .npz .csv (trajectory), .motion.npz .bvh .amass.npz .npy (human motion), .mp4 .gif .png, .json
-    (report); docs/files.md has the rest."""
+    """Write by suffix: .npz .csv (trajectory), .motion.npz .bvh .glb .amass.npz .npy (human motion), .mp4 .gif .png,
+    .json (report); docs/files.md has the rest."""
     publish: Annotated[str | None, arg(metavar="ENDPOINT")] = None
     """ZeroMQ endpoint to stream to, such as tcp://127.0.0.1:5555."""
     view: Literal["native", "web", "none"] = "none"

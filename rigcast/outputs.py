@@ -84,6 +84,18 @@ def _humanml(take: Take, path: Path) -> None:
     write_humanml(_motion(take), path)
 
 
+def _kit(take: Take, path: Path) -> None:
+    from motiongen.humanml_files import write_kit
+
+    write_kit(_motion(take), path)
+
+
+def _glb(take: Take, path: Path) -> None:
+    from motiongen.gltf import write_glb
+
+    write_glb(_motion(take), path)
+
+
 def _csv(style: Style) -> Callable[[Take, Path], None]:
     def write_styled(take: Take, path: Path) -> None:
         from retarget.robot_csv import write_robot_csv
@@ -123,6 +135,8 @@ WRITERS: dict[str, Callable[[Take, Path], None]] = {
     ".amass.npz": _amass,
     ".npz": _trajectory_npz,
     ".bvh": _bvh,
+    ".glb": _glb,
+    ".kit.npy": _kit,
     ".npy": _humanml,
     ".unitree.csv": _csv("unitree"),
     ".kimodo.csv": _csv("kimodo"),
@@ -133,4 +147,4 @@ WRITERS: dict[str, Callable[[Take, Path], None]] = {
     ".gif": _video,
     ".png": _sheet,
 }
-FROM_MOTION = (".motion.npz", ".amass.npz", ".bvh", ".npy")
+FROM_MOTION = (".motion.npz", ".amass.npz", ".bvh", ".glb", ".kit.npy", ".npy")

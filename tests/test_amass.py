@@ -95,7 +95,7 @@ def test_objects_that_are_not_needed_do_no_harm(tmp_path: Path) -> None:
         ({"trans": np.full((6, 3), np.inf)}, "frame 0 holds NaN"),
         ({"poses": np.zeros((0, 156)), "trans": np.zeros((0, 3))}, "zero frames"),
         ({"mocap_framerate": None}, "needs poses, trans and mocap_framerate or mocap_frame_rate"),
-        ({"mocap_framerate": np.array(0.0)}, "fps must be above 0"),
+        ({"mocap_framerate": np.array(0.0)}, "frames a second, expected 0.1 to 10000"),
         ({"mocap_framerate": np.array("fast")}, "must be numbers"),
         ({"poses": np.array([{}], object)}, "holding objects"),
     ],

@@ -144,6 +144,8 @@ def test_rest_pose_is_a_t_pose(tmp_path: Path) -> None:
         (TINY.replace("Frames: 2", "Frames: 99999999999"), "99999999999 frames"),
         (TINY.replace("0.02", "0"), "frame time 0"),
         (TINY.replace("0.02", "nan"), "frame time nan"),
+        (TINY.replace("0.02", "1e-320"), "inf frames a second, expected 0.1 to 10000"),
+        (TINY.replace("0.02", "60"), "0.0166667 frames a second"),
         (TINY.replace("70 80", "nan 80"), "frame 1 holds NaN"),
         (TINY.replace("70 80", "seventy 80"), "seventy"),
         (TINY.replace("Zrotation Yrotation Xrotation", "Zrotation Yrotation Wrotation"), "Wrotation"),

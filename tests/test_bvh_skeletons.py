@@ -9,12 +9,13 @@ from pathlib import Path
 import motions
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from motiongen.bvh import canonical, forward, read_bvh
 from motiongen.bvh_raw import BvhError, RawBvh, read_raw
 from motiongen.bvh_write import write_bvh
 from motiongen.joint_names import match_joints
-from motiongen.motion import SMPL_JOINTS, Motion
+from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Motion
 from motiongen.rotation import axis_angle_to_quat, quat_conj, quat_mul, quat_rotate, quat_to_rotvec, rotvec_to_quat
 
 CLIPS = Path(os.environ.get("RIGCAST_MOTION_DATA", ""))
@@ -155,6 +156,104 @@ def test_a_zero_pose_that_says_nothing_still_gives_the_positions(tmp_path: Path)
     assert "rotations fitted" in got.source.generator
 
 
+# LAFAN1's offsets in centimetres, as its clips of subject 1 have them, and the walk's T-pose in its joint frames.
+LAFAN1_OFFSETS = {
+    "LeftUpLeg": (0.1, 1.86, 10.55), "LeftLeg": (43.5, 0, 0), "LeftFoot": (42.37, 0, 0), "LeftToe": (17.3, 0, 0),
+    "Spine": (6.9, -2.6, 0), "Spine1": (12.59, 0, 0), "Spine2": (12.34, 0, 0), "Neck": (25.83, 0, 0),
+    "Head": (11.77, 0, 0), "LeftShoulder": (19.75, -1.48, 6.0), "LeftArm": (11.28, 0, 0), "LeftForeArm": (33.0, 0, 0),
+    "LeftHand": (25.2, 0, 0),
+}  # fmt: skip
+
+
+def lafan1(degrees: dict[str, tuple[float, float, float]]) -> RawBvh:
+    """One frame of LAFAN1's skeleton, Z Y X rotations by joint, laid out as its files are."""
+    names = tuple(STYLES["lafan1"])
+    offsets = np.zeros((len(names), 3))
+    for j, name in enumerate(names):
+        if name != "Hips":
+            offsets[j] = LAFAN1_OFFSETS[name.replace("Right", "Left")]
+            offsets[j, 2] *= -1 if name.startswith("Right") else 1
+    quats = np.zeros((1, len(names), 4))
+    quats[..., 0] = 1
+    for name, angles in degrees.items():
+        x, y, z, w = Rotation.from_euler("ZYX", angles, degrees=True).as_quat()
+        quats[0, names.index(name)] = w, x, y, z
+    positions = offsets[None].copy()
+    positions[0, 0] = (0, 91.9, 0)
+    return RawBvh(names, SMPL_PARENTS, offsets, positions, quats, 30.0)
+
+
+# The figure upright, facing z, arms level: legs turned round, toes bent, collars out to the sides.
+LAFAN1_T = {
+    "Hips": (90, 0, 90), "LeftUpLeg": (180, 0, 180), "RightUpLeg": (180, 0, 180),
+    "LeftFoot": (65.4, 0, 0), "RightFoot": (65.4, 0, 0), "LeftToe": (21.45, 0, 0), "RightToe": (21.45, 0, 0),
+    "LeftShoulder": (180, -90, 0), "RightShoulder": (180, 90, 0),
+}  # fmt: skip
+
+
+def test_lafan1_has_its_own_t_pose() -> None:
+    motion = canonical(lafan1(LAFAN1_T), "x")
+    turned = np.degrees(np.linalg.norm(quat_to_rotvec(motion.global_quat()[0]), axis=-1))
+    assert turned.max() < 1
+    at = dict(zip(SMPL_JOINTS, motion.positions()[0] * 100, strict=True))
+    assert at["left_wrist"] - at["left_shoulder"] == pytest.approx([0, 58.2, 0], abs=0.01)
+    assert at["right_hip"] - at["pelvis"] == pytest.approx([1.86, -10.55, 0.1], abs=0.01)
+    assert "Ubisoft" in motion.source.licence
+
+
+@pytest.mark.parametrize(
+    ("joint", "turn", "canonical_turn"),
+    [
+        ("LeftLeg", (-40, 0, 0), ("left_knee", [0, 40, 0])),  # in the clips knees bend about -z only
+        ("RightForeArm", (-40, 0, 0), ("right_elbow", [0, 0, 40])),  # and elbows about -z: forward
+        ("LeftForeArm", (-40, 0, 0), ("left_elbow", [0, 0, -40])),
+    ],
+)
+def test_lafan1_hinges(joint: str, turn: tuple[float, float, float], canonical_turn: tuple[str, list[float]]) -> None:
+    motion = canonical(lafan1(LAFAN1_T | {joint: turn}), "x")
+    name, want = canonical_turn
+    got = np.degrees(quat_to_rotvec(motion.joint_quat[0, SMPL_JOINTS.index(name)]))
+    np.testing.assert_allclose(got, want, atol=0.1)
+
+
+def test_lafan1s_names_on_other_bones_are_another_skeleton(tmp_path: Path) -> None:
+    walk = motions.walk(seconds=1)
+    got = canonical(written(tmp_path, walk, STYLES["lafan1"]), "x")
+    assert tilt(got, walk).max() < 1e-5
+    assert "by name" in got.source.generator
+
+
+def test_soma_files_with_a_root_above_the_hips_and_no_end_sites(tmp_path: Path) -> None:
+    """As Kimodo writes them: ROOT Root with channels of its own, Hips with six, Z Y X, no End Site."""
+    walk = motions.walk(seconds=1)
+    raw = written(tmp_path, walk, SOMA)
+    lines = ["HIERARCHY", "ROOT Root", "{", "OFFSET 0 0 0"]
+    place, turn = "Xposition Yposition Zposition", "Zrotation Yrotation Xrotation"
+    lines.append(f"CHANNELS 6 {place} {turn}")
+    order: list[int] = []
+
+    def write(joint: int) -> None:
+        order.append(joint)
+        offset = " ".join(f"{v:.6f}" for v in (raw.offsets[joint] if joint else (0, 100, 0)))
+        channels = f"CHANNELS 3 {turn}" if joint else f"CHANNELS 6 {place} {turn}"
+        lines.extend([f"JOINT {raw.names[joint]}", "{", f"OFFSET {offset}", channels])
+        for child in [j for j, parent in enumerate(raw.parents) if parent == joint]:
+            write(child)
+        lines.append("}")
+
+    write(0)
+    lines += ["}", "MOTION", f"Frames: {len(walk)}", f"Frame Time: {1 / walk.fps}"]
+    angles = Rotation.from_quat(raw.quats[..., [1, 2, 3, 0]].reshape(-1, 4)).as_euler("ZYX", degrees=True)
+    angles = angles.reshape(len(walk), len(raw.names), 3)
+    for t in range(len(walk)):
+        row = [0.0] * 6 + [*raw.positions[t, 0]] + [a for j in order for a in angles[t, j]]
+        lines.append(" ".join(f"{v:.6f}" for v in row))
+    (tmp_path / "soma.bvh").write_text("\n".join(lines) + "\n")
+    got = read_bvh(tmp_path / "soma.bvh")
+    assert np.abs(lifted(got, walk)).max() < 1e-5
+    assert tilt(got, walk).max() < 1e-5
+
+
 def test_a_figure_of_no_size_is_refused(tmp_path: Path) -> None:
     raw = written(tmp_path, motions.stand(), MIXAMO)
     with pytest.raises(ValueError, match="no person's in metres, inches, centimetres, millimetres"):
@@ -223,7 +322,7 @@ def test_the_cmu_t_pose_is_a_t_pose() -> None:
 
 
 def test_an_independent_reader_agrees_on_our_files(tmp_path: Path) -> None:
-    bvhio = pytest.importorskip("bvhio", reason="bvhio is not installed")
+    bvhio = pytest.importorskip("bvhio", reason="bvhio (extra dev) is not installed")  # warns of its own when imported
     motion = motions.walk()
     write_bvh(motion, tmp_path / "m.bvh")
     root = bvhio.readAsHierarchy(str(tmp_path / "m.bvh"))

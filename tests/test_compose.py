@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from motions import skeleton, squat, stand, turned, walk, wave
 
-from motiongen.compose import clearance, looped, overlay, sequence
+from motiongen.compose import clearance, looped, overlay, sequence, sharpest
 from motiongen.gestures.catalogue import perform
 from motiongen.leg_ik import with_ankles
 from motiongen.measure import measure
@@ -101,6 +101,14 @@ def test_a_shorter_clip_goes_over_smoothly_and_labels_say_when() -> None:
     assert out.source.generator == "synthetic+synthetic"
 
 
+def test_the_sharpest_turn_of_a_joint() -> None:
+    clip = stand(seconds=3, fps=60)
+    t = np.arange(len(clip)) / 60
+    quat = clip.joint_quat.copy()
+    quat[:, 18] = axis_angle_to_quat(LEFT, 0.5 * np.sin(4 * t))
+    assert sharpest(replace(clip, joint_quat=quat)) == pytest.approx(0.5 * 4**2, rel=0.01)
+
+
 def test_clearance_of_a_t_pose() -> None:
     quat = np.zeros((2, len(SMPL_JOINTS), 4))
     quat[..., 0] = 1
@@ -156,10 +164,6 @@ def test_a_walk_stops_and_starts_without_spikes(order: tuple[int, int]) -> None:
     out = sequence([first, second])
     jump = np.linalg.norm(np.diff(out.root_pos, axis=0), axis=1).max() * out.fps
     assert jump < 1.6  # m/s; the walk has 1.2
-
-    def sharpest(clip: Motion) -> float:
-        speed = quat_to_rotvec(quat_mul(quat_conj(clip.joint_quat[:-1]), clip.joint_quat[1:])) * clip.fps
-        return float(np.abs(np.diff(speed, axis=0)).max() * clip.fps)
 
     assert sharpest(out) < 1.05 * max(sharpest(first), sharpest(second))
     assert np.diff(out.root_pos[:, 0]).min() * out.fps > -0.25  # nobody coasts on and back

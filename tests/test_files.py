@@ -12,7 +12,7 @@ import pytest
 
 from motiongen.bvh import read_bvh
 from motiongen.bvh_write import write_bvh
-from motiongen.files import FileError, load_motion, replacing, save_motion
+from motiongen.files import FileError, load_motion, replacing, require_timing, save_motion
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from retarget.files import load_trajectory, save_trajectory, write_csv
 from retarget.trajectory import Trajectory
@@ -201,8 +201,10 @@ def damaged(path: Path, **changed: object) -> Path:
     ("changed", "words"),
     [
         ({"root_pos": np.full((7, 3), np.nan)}, "frame 0 holds NaN"),
+        ({"root_pos": np.full((7, 3), np.inf, "f2")}, "frame 0 holds NaN"),
+        ({"root_pos": np.full((7, 3), 1j)}, "complex128 (7, 3) where rows of numbers are expected"),
         ({"root_pos": np.zeros((0, 3)), "joint_quat": np.zeros((0, 22, 4)), "contacts": None}, "zero frames"),
-        ({"fps": 0.0}, "fps must be above 0"),
+        ({"fps": 0.0}, "frames a second, expected 0.1 to 10000"),
         ({"fps": None}, "'fps' is missing"),
         ({"notes": "{"}, "Expecting property name"),
         ({"notes": '{"labels": [], "source": {"generator": "x", "spare": 1}}'}, "spare"),
@@ -228,7 +230,7 @@ def test_a_bad_motion_file_is_one_line(tmp_path: Path, changed: dict[str, object
     [
         ({"qpos": np.full((5, 9), np.inf)}, "frame 0 is not finite"),
         ({"qpos": np.zeros((0, 9)), "contact:left": None, "contact:right": None}, "zero frames"),
-        ({"fps": -1.0}, "fps must be above 0"),
+        ({"fps": -1.0}, "frames a second, expected 0.1 to 10000"),
         ({"joints": np.array(["neck"])}, "does not fit"),
         ({"contact:left": np.ones(3, bool)}, "differ in length"),
         ({"rig": None}, "'rig' is missing"),
@@ -281,6 +283,15 @@ def test_pickles_and_bare_arrays_are_refused(tmp_path: Path) -> None:
         load_motion(tmp_path / "bare.npy")
     with pytest.raises(FileError, match=r"not written by rigcast .*poses"):
         load_motion(tmp_path / "amass.npz")
+
+
+def test_a_clip_may_last_four_hours() -> None:
+    require_timing(4 * 3600 * 50, 50.0)
+    with pytest.raises(ValueError, match="720001 frames at 50 a second last over 4 hours"):
+        require_timing(4 * 3600 * 50 + 1, 50.0)
+    for fps in (0.09, 10_001.0, float("nan"), -30.0):
+        with pytest.raises(ValueError, match="frames a second, expected"):
+            require_timing(1, fps)
 
 
 def test_a_missing_file_is_an_os_error(tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ GOOD = ",".join(map(str, [*ROW, 0, 0, HALF, HALF, 0.5, -0.5]))
     ("content", "style", "fps", "said"),
     [
         (GOOD, "gmr", None, "give --fps"),
-        (GOOD, "unitree", 0.0, "fps must be above 0"),
+        (GOOD, "unitree", 0.0, "frames a second, expected 0.1 to 10000"),
         (GOOD, "ours", None, "no header .* name the file's --style: ours, unitree, kimodo, gmr"),
         (f"{GOOD}\n{GOOD},1", "unitree", None, "line 2 has 10 columns, expected 9"),
         (GOOD.replace("0.5", "half", 1), "unitree", None, "line 1: could not convert"),

@@ -16,7 +16,7 @@ import numpy as np
 
 from motiongen.combinations import EVEN_GAITS, FAST_GAITS, GAITS, HELD_OUT_PAIRS, held_out, parts_for, why_not
 from motiongen.combined_captions import at_once, one_after_another, phrases_of
-from motiongen.compose import clearance, looped, overlay, sequence
+from motiongen.compose import clearance, looped, overlay, sequence, sharpest
 from motiongen.data.clip import Clip, Sample, SourceError, cut, drawn, split_of
 from motiongen.features import FPS
 from motiongen.gestures.catalogue import draw
@@ -27,6 +27,7 @@ TRIES = 8  # combinations drawn for a clip, of which the first that goes well is
 LEAD_S = 1.0  # a gait goes on for up to this before, and after, what the hands do
 GAIT_S = (2.5, 4.5)  # of a gait in a sequence
 SLACK = 0.03  # m that a hand may come nearer to the trunk than in both clips
+SHARPER = 1.2  # times the largest angular acceleration of the parts: a knee that snaps straight has four times it
 KEPT = 512  # clips kept in memory once read: some 100 MB
 
 _PARTS_OF = ("bandai-namco", "gestures")
@@ -187,6 +188,9 @@ def _one_after_another(name: str, one: _Try) -> Sample:
         for content, part in zip(one.contents, parts, strict=True)
     ]
     motion = sequence(motions)
+    sharp, before = sharpest(motion), max(map(sharpest, motions))
+    if sharp > SHARPER * before:
+        raise ValueError(f"a joint jerks at a seam: {sharp:.0f} rad/s², no more than {before:.0f} in the clips")
     said = [
         one_after_another([phrases_of(_true_of(c, words)) for c, words in zip(one.contents, side, strict=True)])
         for side in ([part.captions for part in parts], [part.mirrored for part in parts])
