@@ -2,7 +2,7 @@
 
 | measure | source |
 |---|---|
-| R-precision, MM-Dist, Diversity, MultiModality, intervals | Guo et al. 2022, "Generating Diverse … Motions from Text" |
+| R-precision, MM-Dist, Diversity, MultiModality, intervals | Guo et al. 2022, "Generating Diverse … from Text" |
 | FID | Heusel et al. 2017, "GANs Trained by a Two Time-Scale Update Rule", Eq. 6 |
 | KID | Bińkowski et al. 2018, "Demystifying MMD GANs" |
 | precision, recall | Kynkäänniemi et al. 2019, "Improved Precision and Recall Metric", Eq. 1–2 |
@@ -163,9 +163,7 @@ def multimodality(emb: ArrayLike, rng: np.random.Generator, pairs: int = 10) -> 
     """
     points = np.asarray(emb, float)
     if points.ndim != 3 or 0 in points.shape or not 1 <= pairs <= points.shape[1]:
-        raise ValueError(
-            f"embeddings {points.shape}; MultiModality of {pairs} pairs needs (texts, ≥ {pairs} motions, D)"
-        )
+        raise ValueError(f"embeddings {points.shape}; MultiModality of {pairs} pairs needs (texts, ≥ {pairs} clips, D)")
     require_embeddings(points.reshape(-1, points.shape[2]), "embeddings")
     first, second = (rng.choice(points.shape[1], pairs, replace=False) for _ in range(2))
     return float(np.linalg.norm(points[:, first] - points[:, second], axis=2).mean())
