@@ -184,7 +184,7 @@ def test_equal_captions_labels_and_like_sentences_are_no_negatives() -> None:
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory):
-    return build_data(["gestures:60"], tmp_path_factory.mktemp("data") / "gestures")[0]
+    return build_data(["gestures:90"], tmp_path_factory.mktemp("data") / "gestures")[0]
 
 
 def test_a_draw_depends_on_its_step_alone(data, tmp_path: Path) -> None:
@@ -211,15 +211,15 @@ def test_training_learns_and_goes_on_from_a_checkpoint(
 ) -> None:
     monkeypatch.setattr("motiongen.evaluation.train.default_config", SMALL.__getitem__)
     monkeypatch.setattr("motiongen.evaluation.batches.CAPTIONS", 1)
-    config = TrainConfig(kind, steps=24, batch=16, rate=2e-3, warm_up=3, save_every=12)
+    config = TrainConfig(kind, steps=30, batch=16, warm_up=3, save_every=15)
     whole = train(data, tmp_path / "whole", config)
     monkeypatch.setattr("motiongen.evaluation.train._schedule", lambda step, _: _whole_schedule(step, config))
-    train(data, tmp_path / "parts", replace(config, steps=12))
+    train(data, tmp_path / "parts", replace(config, steps=15))
     parts = train(data, tmp_path / "parts", config)
     for name, value in whole.network.state_dict().items():
         assert torch.equal(value, parts.network.state_dict()[name]), name
     fresh = build(kind, SMALL[kind])
-    rows = [i for i, e in enumerate(data.entries) if e.split == "train"][:30]
+    rows = [i for i, e in enumerate(data.entries) if e.split == "train"][:40]
     motions, texts = [data.motion(i) for i in rows], [data.captions(i)[0] for i in rows]
 
     def own_rank(judge: Judge) -> float:
