@@ -40,7 +40,7 @@ class JudgeError(ValueError):
 
 @dataclass(frozen=True)
 class About:
-    """What an evaluator is: its network and sizes, what it was trained on and by whom, under what licences."""
+    """What an evaluator is: its network and sizes, the sources it was trained on and their licences, and how long."""
 
     kind: Kind
     config: dict[str, int]
