@@ -29,8 +29,8 @@ UPRIGHT = 0.10  # m that the pelvis may sink in a bow: lower, it is a squat
 
 @dataclass(frozen=True)
 class _Waving:
-    """What counts as a wave: `least` metres from side to side, of which `level` times as much as up and down, in at most
-    `seconds`, with the hand over the elbow by a share `upright` of the forearm's length."""
+    """What counts as a wave: `least` metres from side to side, `level` times as many as up and down, within `seconds`,
+    the hand over the elbow by a share `upright` of the forearm's length."""
 
     least: float
     level: float

@@ -38,9 +38,7 @@ class TextEncoder:
 
     def __call__(self, texts: list[str]) -> tuple[Floats, NDArray[np.bool_], Floats]:
         """Token vectors (B, N, 384), which of them are words (B, N), and unit sentence vectors (B, 384)."""
-        encoded = self._tokenizer.encode_batch(texts)
-        ids = np.array([e.ids for e in encoded])
-        mask = np.array([e.attention_mask for e in encoded], bool)
+        ids, mask = self._tokens(texts)
         w = self._weights
         x = w["embeddings.word_embeddings.weight"][ids] + w["embeddings.position_embeddings.weight"][: ids.shape[1]]
         x = self._norm(x + w["embeddings.token_type_embeddings.weight"][0], "embeddings.LayerNorm")
@@ -49,6 +47,16 @@ class TextEncoder:
         x = x * mask[..., None]
         mean = x.sum(1) / mask.sum(1, keepdims=True, dtype=np.float32)
         return x, mask, mean / np.linalg.norm(mean, axis=-1, keepdims=True)
+
+    def words(self, texts: list[str]) -> tuple[Floats, NDArray[np.bool_]]:
+        """Vectors (B, N, 384) of the tokens as they stand in the vocabulary, unaware of each other, and which are words
+        (B, N)."""
+        ids, mask = self._tokens(texts)
+        return self._weights["embeddings.word_embeddings.weight"][ids], mask
+
+    def _tokens(self, texts: list[str]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        encoded = self._tokenizer.encode_batch(texts)
+        return np.array([e.ids for e in encoded]), np.array([e.attention_mask for e in encoded], bool)
 
     def _block(self, x: Floats, mask: NDArray[np.bool_], at: str) -> Floats:
         w = self._weights

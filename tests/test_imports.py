@@ -16,6 +16,8 @@ LIGHT = (
     "motiongen.bvh_write",
     "motiongen.generator",
     "motiongen.data.build",
+    "motiongen.evaluation.protocol",
+    "motiongen.evaluation.physical",
     "motiongen.measure",
     "motiongen.say_numbers",
     "motiongen.gestures.generator",
