@@ -15,7 +15,7 @@ from safetensors.numpy import load_file
 
 from motiongen.batches import CUT, LONGEST
 from motiongen.data.dataset import Dataset, Entry, open_dataset
-from motiongen.data.texts import Texts, encode_texts
+from motiongen.data.texts import Texts, data_texts
 from motiongen.features import FPS
 from motiongen.lengths import fit_lengths
 from motiongen.nn import Floats, Tensors
@@ -78,7 +78,7 @@ def export(data: Dataset, run: Path, path: Path) -> Weights:
     config = json.loads((run / "config.json").read_text())
     tensors, scale = load_file(run / "checkpoint.safetensors"), load_file(run / "scale.safetensors")
     network = {k.removeprefix("average."): v for k, v in tensors.items() if k.startswith("average.")}
-    texts = encode_texts([c for c, _, _ in _said(data)], run)
+    texts = data_texts(data, [c for c, _, _ in _said(data)])
     learnt = [e for e in data.entries if e.split == "train"]
     hours = sum(e.seconds for e in learnt) / 3600
     training = {

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from motiongen.batches import Batches, Scale, scale_of
 from motiongen.data.dataset import Dataset, open_dataset
-from motiongen.data.texts import Texts, encode_texts
+from motiongen.data.texts import Texts, data_texts
 from motiongen.diffusion import levels
 from motiongen.files import replacing
 from motiongen.losses import LossWeights, loss
@@ -63,7 +63,7 @@ def train(config: TrainConfig, data: Dataset, out: Path) -> None:
     optimizer = torch.optim.AdamW(model.parameters(), lr=config.rate, weight_decay=config.weight_decay, fused=True)
     scale = _scale(data, out)
     batches = Batches(data, scale, size=config.batch, patch=config.model.patch, seed=config.seed)
-    texts = _encode(batches.captions(), out)
+    texts = _encode(batches.captions(), data)
     mean, std, offsets = (torch.from_numpy(y).to(device) for y in (scale.mean, scale.std, scale.offsets))
     first = _resume(out, model, average, optimizer)
     (out / "config.json").write_text(json.dumps(asdict(config), indent=1))
@@ -112,10 +112,10 @@ def _scale(data: Dataset, out: Path) -> Scale:
     return Scale(**load_arrays(path))
 
 
-def _encode(captions: list[str], out: Path) -> Texts:
+def _encode(captions: list[str], data: Dataset) -> Texts:
     with Progress(transient=True) as bar:
         task = bar.add_task("encoding captions")
-        return encode_texts(captions, out, progress=lambda done, of: bar.update(task, completed=done, total=of))
+        return data_texts(data, captions, progress=lambda done, of: bar.update(task, completed=done, total=of))
 
 
 def _schedule(step: int, config: TrainConfig) -> float:

@@ -188,7 +188,7 @@ def data(tmp_path_factory: pytest.TempPathFactory):
 
 
 def test_a_draw_depends_on_its_step_alone(data, tmp_path: Path) -> None:
-    one, two = (Batches(data, "guo", 16, 3, tmp_path) for _ in range(2))
+    one, two = (Batches(data, "guo", 16, 3) for _ in range(2))
     two.draw(0)
     (x, frames), (words, mask), same = one.draw(5)
     (y, frames2), (words2, _), same2 = two.draw(5)

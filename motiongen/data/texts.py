@@ -1,8 +1,8 @@
 """Text vectors of many captions, encoded once and kept in a folder beside what needs them.
 
-A part of the cache is four files. `texts-0000.json` lists its captions; `texts-0000-words.npy`, memory-mapped, holds one
-row a token of all of them in half precision; `-starts.npy` and `-sentences.npy` have one row a caption. Captions that
-no part has become a new part.
+A part of the cache is four files. `texts-0000.json` lists its captions; `texts-0000-words.npy`, memory-mapped, holds
+one row a token of all of them in half precision; `-starts.npy` and `-sentences.npy` have one row a caption. Captions
+that no part has become a new part.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from motiongen.data.dataset import Dataset
 from motiongen.files import replacing
 from motiongen.text import MAX_TOKENS, WIDTH, TextEncoder
 
@@ -81,6 +82,13 @@ def encode_texts(
             temporary.write_bytes(msgspec.json.encode(missing))
         texts = _read(folder)
     return texts
+
+
+def data_texts(
+    data: Dataset, captions: Sequence[str], *, progress: Callable[[int, int], None] = lambda *_: None
+) -> Texts:
+    """Vectors of captions of a data set, kept in its folder `texts`; see `encode_texts`."""
+    return encode_texts(captions, data.folder / "texts", progress=progress)
 
 
 def _read(folder: Path) -> Texts:

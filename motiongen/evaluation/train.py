@@ -53,7 +53,7 @@ def train(data: Dataset, out: Path, config: TrainConfig) -> Judge:
     network = build(config.kind, sizes)
     optimizer = torch.optim.AdamW(network.parameters(), lr=config.rate, weight_decay=config.weight_decay)
     first = _resume(out / "checkpoint.safetensors", config.kind, network, optimizer)
-    batches = Batches(data, config.kind, config.batch, config.seed, out)
+    batches = Batches(data, config.kind, config.batch, config.seed)
     network.train()
     began, total = time.monotonic(), 0.0
     for step in range(first, config.steps):
