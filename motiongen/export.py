@@ -38,8 +38,8 @@ def make_bank(data: Dataset, texts: Texts) -> Bank:
     """Captions of every content, as unlike each other as can be, as sentence vectors; contents by their clips."""
     by_content: dict[str, set[str]] = {}
     for caption, i, _ in _said(data):
-        by_content.setdefault(data.entries[i].content or data.entries[i].source, set()).add(caption)
-    clips = Counter(e.content or e.source for e in data.entries if e.split == "train")
+        by_content.setdefault(_group(data.entries[i]), set()).add(caption)
+    clips = Counter(_group(e) for e in data.entries if e.split == "train")
     contents = tuple(name for name, _ in clips.most_common())
     each = max(2, BANK // len(contents))
     vectors, which = [], []
@@ -49,6 +49,11 @@ def make_bank(data: Dataset, texts: Texts) -> Bank:
         vectors.append(chosen)
         which += [i] * len(chosen)
     return Bank(np.concatenate(vectors), tuple(which), contents, KNOWN)
+
+
+def _group(entry: Entry) -> str:
+    """What a clip counts as: its content; those that have none, and combinations, are one group a source."""
+    return entry.source if entry.source == "composed" or not entry.content else entry.content
 
 
 def _spread(x: Floats, count: int) -> list[int]:

@@ -97,8 +97,9 @@ def _read(folder: Path) -> Texts:
     while (path := folder / f"texts-{len(parts):04d}.json").is_file():
         captions = msgspec.json.decode(path.read_bytes(), type=list[str])
         place |= {caption: (len(parts), row) for row, caption in enumerate(captions)}
-        words, starts, sentences = (
-            np.load(path.with_name(f"{path.stem}-{kind}.npy"), mmap_mode="r", allow_pickle=False) for kind in _ARRAYS
+        words, starts, sentences = (  # plain arrays on the mapped memory: numpy's memmap takes its time for every row
+            np.asarray(np.load(path.with_name(f"{path.stem}-{kind}.npy"), mmap_mode="r", allow_pickle=False))
+            for kind in _ARRAYS
         )
         parts.append(_Part(words, starts, sentences))
     return Texts(place, tuple(parts))
