@@ -14,7 +14,7 @@ from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton,
 from motiongen.text import TextEncoder
 
 PER_CLIP = 4  # captions of a clip, and as many of its mirror image, that are compared
-KNOWN = 0.54  # cosine from which a text counts as known, as for the model in the tree
+KNOWN = 0.50  # cosine from which a text counts as known, as for the model in the tree
 USUAL_S = 4.0
 _BATCH = 64
 
