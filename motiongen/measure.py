@@ -6,6 +6,7 @@ python -m motiongen.measure FILE
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -14,8 +15,11 @@ import numpy as np
 from motiongen import measure_arms as arms
 from motiongen import measure_legs as legs
 from motiongen.motion import SMPL_JOINTS, Motion
+from motiongen.rotation import Array
+from motiongen.swings import Turning
 
 FPS = 30.0  # what every clip is measured at, so that its own rate changes nothing
+SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -55,34 +59,108 @@ class Measured:
         return self.left_steps + self.right_steps
 
 
+@dataclass(frozen=True)
+class Event:
+    """Something done once: `action` by `side` ("left", "right" or ""), around `at_s`.
+
+    `seconds`: how long half of it takes, from which its tempo is told; 0 where nothing says. A head shake has one event
+    for each swing to a side.
+    """
+
+    action: str
+    side: str
+    at_s: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A motion measured in full: its totals, its events in order of time, and what cannot be cut into events.
+
+    At 30 frames a second: `turned_deg` (T,) since the start, left positive, and `lifted_deg` (T, 2), by which the line
+    from shoulder to wrist is off straight down, of (left, right) arm. Of (left, right), too: `hand_path_m`, the way of
+    the hand as seen from the shoulder; `foot_high_m`, the furthest that the foot is off the floor. `ahead_m`: from
+    start to end, forward and left of where the pelvis faced at first. `skate`: share of the time in which a foot is
+    down that it slides.
+    """
+
+    totals: Measured
+    events: tuple[Event, ...]
+    turned_deg: Array
+    lifted_deg: Array
+    hand_path_m: tuple[float, float]
+    foot_high_m: tuple[float, float]
+    ahead_m: tuple[float, float]
+    skate: float
+
+
 def measure(motion: Motion) -> Measured:
     """Measure a motion that stands on the floor z = 0 or any other level one.
 
     Raises ValueError where the skeleton lacks one of the 22 joints of SMPL.
     """
+    return observe(motion).totals
+
+
+def observe(motion: Motion) -> Seen:
+    """Measure a motion in full; raises as `measure` does."""
     if missing := [name for name in SMPL_JOINTS if name not in motion.skeleton.names]:
         raise ValueError(f"cannot measure a skeleton without {', '.join(missing)}")
     seconds = motion.duration
     motion = motion.resampled(FPS)
     at = motion.positions()
     pelvis = at[:, 0]
-    found = legs.feet(motion, at)
-    left, right = legs.steps(motion, found)
-    along, net = legs.way(pelvis)
-    jumped, high = legs.jumps(motion, pelvis, found)
-    squatted = legs.squats(motion, pelvis, found, jumped)
+    feet = legs.feet(motion, at)
+    taken = legs.steps(motion, feet)
+    jumped, high = legs.jumps(motion, pelvis, feet)
+    squatted = legs.squats(motion, pelvis, feet, jumped)
     low = np.quantile(pelvis[:, 2], 0.9) - pelvis[:, 2]
-    bows, deepest, pitch = arms.bows(motion, low, np.all(found.still, axis=1))
-    nods, shakes = arms.head(motion)
-    return Measured(
-        duration_s=seconds, left_steps=left, right_steps=right,
-        path_m=along, net_m=net, mean_speed_m_s=along / seconds if seconds else 0.0, turn_deg=legs.turn(motion),
-        left_waves=arms.waves(motion, at, "left"), right_waves=arms.waves(motion, at, "right"),
-        left_raises=arms.raises(motion, at, "left"), right_raises=arms.raises(motion, at, "right"),
-        nods=nods, head_shakes=shakes, claps=arms.claps(motion, at),
-        bows=bows, bow_deg=deepest, chest_pitch_deg=pitch,
+    bowed, pitch = arms.bows(motion, low, np.all(feet.still, axis=1))
+    nodded, shaken = arms.head(motion)
+    clapped = arms.claps(motion, at)
+    waved = {side: arms.waves(motion, at, side) for side in SIDES}
+    raised = {side: arms.raises(motion, at, side) for side in SIDES}
+    turned = legs.turned(motion)
+
+    events = [
+        *(_of_turning("squat", each) for each in squatted),
+        *(_of_turning("bow", each) for each in bowed),
+        *(_of_turning("nod", each) for each in nodded),
+        *(_of_turning("clap", each) for each in clapped),
+        *(_of_turning("wave", each, side) for side in SIDES for each in waved[side]),
+        *(Event("raise", side, frame / FPS, 0.0) for side in SIDES for frame in raised[side]),
+        *(Event("shake", "", frame / FPS, each_s) for frame, each_s in shaken),
+        *(Event("jump", "", frame / FPS, 0.0) for frame in jumped),
+        *(Event("step", SIDES[not left], (a + b) / 2 / FPS, (b - a + 1) / FPS) for a, b, left in taken),
+    ]  # fmt: skip
+    along, net = legs.way(pelvis)
+    totals = Measured(
+        duration_s=seconds, left_steps=sum(left for *_, left in taken), right_steps=sum(not left for *_, left in taken),
+        path_m=along, net_m=net, mean_speed_m_s=along / seconds if seconds else 0.0, turn_deg=float(turned[-1]),
+        left_waves=len(waved["left"]), right_waves=len(waved["right"]),
+        left_raises=len(raised["left"]), right_raises=len(raised["right"]),
+        nods=len(nodded), head_shakes=(len(shaken) + 1) / 2 if shaken else 0.0, claps=len(clapped),
+        bows=len(bowed), bow_deg=float(np.degrees(max((t.depth for t in bowed), default=0.0))), chest_pitch_deg=pitch,
         squats=len(squatted), jumps=len(jumped), jump_height_m=high,
     )  # fmt: skip
+    return Seen(
+        totals,
+        tuple(sorted(events, key=lambda event: event.at_s)),
+        turned,
+        lifted_deg=np.stack([arms.lifted(motion, at, side) for side in SIDES], axis=1),
+        hand_path_m=_pair(lambda side: arms.hand_path(motion, at, side)),
+        foot_high_m=_pair(lambda side: feet.clear[:, SIDES.index(side)].max()),
+        ahead_m=legs.ahead(motion),
+        skate=legs.skate(motion, at),
+    )
+
+
+def _of_turning(action: str, turning: Turning, side: str = "") -> Event:
+    return Event(action, side, turning.frame / FPS, turning.seconds)
+
+
+def _pair(of_side: Callable[[str], float]) -> tuple[float, float]:
+    return float(of_side("left")), float(of_side("right"))
 
 
 def main(path: Path) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,11 +11,12 @@ from numpy.typing import NDArray
 from motiongen.measure_legs import runs
 from motiongen.motion import Motion
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, yaw_of_quat, yaw_quat
-from motiongen.swings import smoothed, turnings
+from motiongen.swings import Turning, smoothed, turnings
 
+HAND = 0.12  # m from the wrist joint to the middle of the fingers: some people wave from the wrist alone
 WAVE = 0.06  # m from side to side; a hand that is held up drifts by less than 0.03
 BELOW = 0.15  # m under the shoulder that a waving hand may be: shy people wave at the chest
-UPRIGHT_FOREARM = 0.5  # share of the forearm's length by which the hand must be over the elbow
+UPRIGHT_FOREARM = 0.3  # share of the forearm's length by which the hand must be over the elbow
 SWING_S = 0.95  # a swing to one side, of hand or head, that takes longer is a gesture of its own
 RAISED = 0.10  # m over the shoulder, after as much below: an arm stretched level is not a raised hand
 NOD = np.radians(9)  # the head bobs by 2–5 degrees as people walk
@@ -27,8 +29,8 @@ BOW = np.radians(12)  # breath and gait pitch the chest by less than 6 degrees
 UPRIGHT = 0.10  # m that the pelvis may sink in a bow: lower, it is a squat
 
 
-def waves(motion: Motion, at: Array, side: str) -> int:
-    """How often the hand of `side`, its forearm up, swings in and out again, sideways more than up.
+def waves(motion: Motion, at: Array, side: str) -> list[Turning]:
+    """Swings in and out again of the hand of `side`, its forearm up, sideways more than up.
 
     Counted where the hand is innermost: on its way up and down it passes the outside anyhow.
     """
@@ -36,36 +38,51 @@ def waves(motion: Motion, at: Array, side: str) -> int:
     shoulder, elbow, wrist = (at[:, index(f"{side}_{name}")] for name in ("shoulder", "elbow", "wrist"))
     fore = wrist - elbow
     up = (fore[:, 2] > UPRIGHT_FOREARM * np.linalg.norm(fore, axis=1)) & (wrist[:, 2] > shoulder[:, 2] - BELOW)
-    hand = smoothed(_in_heading(motion, wrist - shoulder), fps)
-    out = hand[:, 1] if side == "left" else -hand[:, 1]
-    count = 0
+    sign = 1.0 if side == "left" else -1.0
+    hand = smoothed(_in_heading(motion, _fingers(motion, at, side) - shoulder), fps)
+    found = []
     for first, last in runs(up):
-        for t in turnings(out[first : last + 1], fps, WAVE):
+        for t in turnings(sign * hand[first : last + 1, 1], fps, WAVE):
             swing = np.ptp(hand[first + t.first : first + t.last + 1], axis=0)
-            count += bool(not t.high and t.seconds < SWING_S and swing[1] > swing[2])
-    return count
+            if not t.high and t.seconds < SWING_S and swing[1] > swing[2]:
+                found.append(replace(t, frame=first + t.frame, first=first + t.first, last=first + t.last))
+    return found
 
 
-def raises(motion: Motion, at: Array, side: str) -> int:
-    """How often the hand of `side` goes from below its shoulder to over it."""
+def raises(motion: Motion, at: Array, side: str) -> list[int]:
+    """Frames in which the hand of `side`, having been below its shoulder, comes to be over it."""
     index = motion.skeleton.index
     over = at[:, index(f"{side}_wrist"), 2] - at[:, index(f"{side}_shoulder"), 2]
     states = np.where(over > RAISED, 1, np.where(over < -RAISED, -1, 0))
-    states = states[states != 0]
-    return int(((states[1:] > 0) & (states[:-1] < 0)).sum())
+    clear = np.flatnonzero(states)
+    return [int(b) for a, b in pairwise(clear) if states[b] > 0 > states[a]]
 
 
-def claps(motion: Motion, at: Array) -> int:
-    """How often both hands meet and part at once; hands that cross go on past each other."""
+def lifted(motion: Motion, at: Array, side: str) -> Array:
+    """Degrees (T,) between the line from shoulder to wrist of `side` and straight down."""
+    index = motion.skeleton.index
+    line = at[:, index(f"{side}_wrist")] - at[:, index(f"{side}_shoulder")]
+    return np.degrees(np.arctan2(np.hypot(line[:, 0], line[:, 1]), -line[:, 2]))
+
+
+def hand_path(motion: Motion, at: Array, side: str) -> float:
+    """Metres that the fingers of `side` travel, seen from the shoulder."""
+    shoulder = at[:, motion.skeleton.index(f"{side}_shoulder")]
+    way = smoothed(_in_heading(motion, _fingers(motion, at, side) - shoulder), motion.fps)
+    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+
+def claps(motion: Motion, at: Array) -> list[Turning]:
+    """Where both hands meet and part at once; hands that cross go on past each other."""
     index = motion.skeleton.index
     between = at[:, index("left_wrist")] - at[:, index("right_wrist")]
     apart = smoothed(_in_heading(motion, between)[:, 1], motion.fps, 0.05)
     near = np.linalg.norm(between, axis=1) < PALMS
-    return sum(bool(not t.high and near[t.frame] and t.seconds < CLAP_S) for t in turnings(apart, motion.fps, CLAP))
+    return [t for t in turnings(apart, motion.fps, CLAP) if not t.high and near[t.frame] and t.seconds < CLAP_S]
 
 
-def head(motion: Motion) -> tuple[int, float]:
-    """Nods, and shakes from one side to the other and back in halves.
+def head(motion: Motion) -> tuple[list[Turning], list[tuple[int, float]]]:
+    """Nods, and swings of a head shake to one side: the frame of each one's end and its seconds.
 
     Both are what the head does in the world and on the chest: walkers hold their eyes still while the chest turns and
     pitches under them, and in a bow the head only goes along.
@@ -74,15 +91,18 @@ def head(motion: Motion) -> tuple[int, float]:
     world = turn[:, index("head")]
     down, aside = _nose(world, fps)
     down_on_chest, aside_on_chest = _nose(quat_mul(quat_conj(turn[:, index("spine3")]), world), fps)
-    nods = 0
+    nods = []
     for t in turnings(down, fps, NOD):
         by_neck = down_on_chest[t.frame] - (down_on_chest[t.first] + down_on_chest[t.last]) / 2
-        nods += bool(t.high and t.seconds < NOD_S and by_neck > NOD / 4)
-    points, swings = turnings(aside, fps, SHAKE), 0
-    for a, b in pairwise(points):
+        if t.high and t.seconds < NOD_S and by_neck > NOD / 4:
+            nods.append(t)
+    swings = []
+    for a, b in pairwise(turnings(aside, fps, SHAKE)):
         by_neck = (aside_on_chest[b.frame] - aside_on_chest[a.frame]) * (1 if b.high else -1)
-        swings += bool((b.frame - a.frame) / fps < SWING_S and by_neck > SHAKE)
-    return nods, (swings + 1) / 2 if swings else 0.0
+        seconds = (b.frame - a.frame) / fps
+        if seconds < SWING_S and by_neck > SHAKE:
+            swings.append((b.frame, seconds))
+    return nods, swings
 
 
 def _nose(turn: Array, fps: float) -> tuple[Array, Array]:
@@ -91,14 +111,22 @@ def _nose(turn: Array, fps: float) -> tuple[Array, Array]:
     return np.arctan2(-z, np.hypot(x, y)), np.unwrap(np.arctan2(y, x))
 
 
+def _fingers(motion: Motion, at: Array, side: str) -> Array:
+    """World position (T, 3) of the middle of the fingers."""
+    wrist = motion.skeleton.index(f"{side}_wrist")
+    out = HAND if side == "left" else -HAND
+    return at[:, wrist] + quat_rotate(motion.global_quat()[:, wrist], [0.0, out, 0.0])
+
+
 def _in_heading(motion: Motion, vectors: Array) -> Array:
     """World vectors (T, 3) seen from the way the chest faces: forward, left, up."""
     chest = motion.global_quat()[:, motion.skeleton.index("spine3")]
     return quat_rotate(quat_conj(yaw_quat(yaw_of_quat(chest))), vectors)
 
 
-def bows(motion: Motion, low: Array, standing: NDArray[np.bool_]) -> tuple[int, float, float]:
-    """Bows; degrees of the deepest, from where the chest was before or after it; the chest's largest forward pitch.
+def bows(motion: Motion, low: Array, standing: NDArray[np.bool_]) -> tuple[list[Turning], float]:
+    """Bows, each with its `depth` in radians from where the chest was before or after it, and the chest's largest
+    forward pitch in degrees.
 
     `low` (T,): metres that the pelvis is below its height in standing; `standing` (T,): both feet are on the floor.
     """
@@ -106,5 +134,4 @@ def bows(motion: Motion, low: Array, standing: NDArray[np.bool_]) -> tuple[int, 
     level = _in_heading(motion, chest)
     pitch = smoothed(np.arctan2(level[:, 0], level[:, 2]), motion.fps)
     found = [t for t in turnings(pitch, motion.fps, BOW) if t.high and low[t.frame] < UPRIGHT and standing[t.frame]]
-    deepest = max((t.depth for t in found), default=0.0)
-    return len(found), float(np.degrees(deepest)), float(np.degrees(pitch.max()))
+    return found, float(np.degrees(pitch.max()))

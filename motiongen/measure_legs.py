@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.motion import Motion
-from motiongen.rotation import Array, yaw_of_quat
-from motiongen.swings import smoothed, turnings
+from motiongen.rotation import Array, quat_conj, quat_rotate, yaw_of_quat, yaw_quat
+from motiongen.swings import Turning, smoothed, turnings
 
 STILL = 0.30  # m/s below which a foot stands; the slowest swings of a foot peak at twice that …
 STILL_SHARE = 0.35  # … or below this share of the pelvis's speed: in a run the standing foot rolls on
@@ -21,6 +21,7 @@ HOP = 0.25  # m between the points through which the way is drawn: well above sw
 SQUAT = 0.10  # m that the pelvis must sink; walking moves it by less than 0.06
 AIR = 0.03  # m that the lowest foot is off the floor in a jump; noise of the floor is below 0.02
 TOGETHER_S = 0.15  # within which both feet leave the floor, and land, in a jump; runners are slower
+TOES_DOWN, SLIDING = 0.05, 0.2  # m off the floor and m/s, both Kimodo's
 NEAR_JUMP_S = 0.9  # a dip as near to a jump belongs to it
 
 
@@ -56,12 +57,12 @@ def feet(motion: Motion, at: Array) -> Feet:
     return Feet(tuple(sorted(lifts)), still, clear, ankle)
 
 
-def steps(motion: Motion, found: Feet) -> tuple[int, int]:
-    """Steps of the left and of the right foot: swings that travel, and lifts on the spot by one foot after the other.
+def steps(motion: Motion, found: Feet) -> list[tuple[int, int, bool]]:
+    """Steps, as in `Feet.lifts`: swings that travel, and lifts on the spot by one foot after the other.
 
     One lift on the spot, or the same foot lifted again and again, is a raised knee or a kick.
     """
-    count = [0, 0]
+    taken = []
     for i, (first, last, left) in enumerate(found.lifts):
         ankle = found.ankle[:, 0 if left else 1]
         travels = np.linalg.norm(ankle[last, :2] - ankle[first, :2]) >= STRIDE
@@ -69,8 +70,8 @@ def steps(motion: Motion, found: Feet) -> tuple[int, int]:
         near = [found.lifts[k] for k in (i - 1, i + 1) if 0 <= k < len(found.lifts)]
         gaps = [(max(first, f) - min(last, end)) / motion.fps for f, end, other in near if other != left]
         if travels or (rises and any(gap <= PAUSE_S for gap in gaps)):
-            count[0 if left else 1] += 1
-    return count[0], count[1]
+            taken.append((first, last, left))
+    return taken
 
 
 def way(pelvis: Array) -> tuple[float, float]:
@@ -85,10 +86,27 @@ def way(pelvis: Array) -> tuple[float, float]:
     return along, float(np.linalg.norm(flat[-1] - flat[0]))
 
 
-def turn(motion: Motion) -> float:
-    """Degrees that the pelvis turns from start to end, left positive, whole turns included."""
+def turned(motion: Motion) -> Array:
+    """Degrees (T,) that the pelvis has turned since the start, left positive, whole turns included."""
     yaw = smoothed(np.unwrap(yaw_of_quat(motion.joint_quat[:, 0])), motion.fps, 0.2)
-    return float(np.degrees(yaw[-1] - yaw[0]))
+    return np.degrees(yaw - yaw[0])
+
+
+def ahead(motion: Motion) -> tuple[float, float]:
+    """Metres from start to end, forward and left of where the pelvis faces at first."""
+    start = quat_conj(yaw_quat(yaw_of_quat(motion.joint_quat[0, 0])))
+    forward, left, _ = quat_rotate(start, motion.root_pos[-1] - motion.root_pos[0])
+    return float(forward), float(left)
+
+
+def skate(motion: Motion, at: Array) -> float:
+    """Share of the frames in which a foot's toes are down in which they slide (Kimodo's foot skate ratio)."""
+    index = motion.skeleton.index
+    toe = at[:, [index("left_foot"), index("right_foot")]]
+    flat = np.linalg.norm(np.diff(toe[..., :2], axis=0), axis=-1) * motion.fps
+    above = toe[..., 2] - np.quantile(toe[..., 2], 0.05)
+    down = (above[1:] < TOES_DOWN) & (above[:-1] < TOES_DOWN)
+    return float((flat[down] > SLIDING).mean()) if down.any() else 0.0
 
 
 def jumps(motion: Motion, pelvis: Array, found: Feet) -> tuple[list[int], float]:
@@ -106,12 +124,12 @@ def jumps(motion: Motion, pelvis: Array, found: Feet) -> tuple[list[int], float]
     return tops, max(0.0, float(pelvis[tops, 2].max()) - standing)
 
 
-def squats(motion: Motion, pelvis: Array, found: Feet, jumped: list[int]) -> list[int]:
-    """Frames at the bottom of each squat: the pelvis sinks towards both feet, which stand, and rises again."""
+def squats(motion: Motion, pelvis: Array, found: Feet, jumped: list[int]) -> list[Turning]:
+    """The bottom of each squat: the pelvis sinks towards both feet, which stand, and rises again."""
     height = smoothed(pelvis[:, 2] - found.ankle[..., 2].min(1), motion.fps)
     far = NEAR_JUMP_S * motion.fps
     return [
-        low.frame
+        low
         for low in turnings(height, motion.fps, SQUAT)
         if not low.high and found.still[low.frame].all() and all(abs(low.frame - top) > far for top in jumped)
     ]

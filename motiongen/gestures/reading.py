@@ -97,10 +97,13 @@ def _ranked(words: list[str]) -> list[str]:
 
 
 def _with_digits(text: str) -> str:
-    """Number words as digits: "forty-five" → "45"."""
+    """Number words as digits: "forty-five" → "45", "one hundred twenty" → "120"."""
     tens = "|".join(_TENS)
     text = re.sub(rf"\b({tens})[- ]({'|'.join(NUMBERS[1:10])})\b", lambda m: str(_VALUES[m[1]] + _VALUES[m[2]]), text)
-    return re.sub(r"\b[a-z]+\b", lambda m: str(_VALUES.get(m[0], m[0])), text)
+    text = re.sub(r"\b[a-z]+\b", lambda m: str(_VALUES.get(m[0], m[0])), text)
+    return re.sub(
+        r"\b([1-9]) hundred\b(?:(?: and)? (\d{1,2})\b)?", lambda m: str(100 * int(m[1]) + int(m[2] or 0)), text
+    )
 
 
 def _side(words: list[str]) -> str | None:
@@ -110,9 +113,9 @@ def _side(words: list[str]) -> str | None:
 
 
 def _count(said: str) -> int | None:
-    if "twice" in said.split():
+    if re.search(r"\btwice\b", said):
         return 2
-    if "once" in said.split():
+    if re.search(r"\bonce\b", said):
         return 1
     found = re.search(_TIMES, said)
     return int(found[1]) if found else None
