@@ -26,31 +26,37 @@ class LossWeights:
 def joint_positions(features: Tensor, offsets: Tensor) -> Tensor:
     """Joints (B, T, 22, 3) in metres in the heading frame, below and around the pelvis at (0, 0, height).
 
-    Orientations are global but for the heading, so forward kinematics is a sum of turned offsets down each limb.
+    Orientations are global but for the heading, so forward kinematics is a sum of turned offsets down each limb: one
+    product of the axes of all joints with a matrix that holds the offsets.
     """
     turn = features[..., TURNS].unflatten(-1, (len(SMPL_JOINTS), 2, 3))
-    x = F.normalize(turn[..., 0, :], dim=-1)
-    y = F.normalize(turn[..., 1, :] - (x * turn[..., 1, :]).sum(-1, keepdim=True) * x, dim=-1)
-    axes = torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1)
-    parents = [max(p, 0) for p in SMPL_PARENTS]
-    bones = (axes[..., parents, :, :] @ offsets[..., None])[..., 0]
-    return bones.transpose(-1, -2).matmul(_ancestors(offsets)).transpose(-1, -2) + _at_height(features)
+    first, second = turn.movedim((-2, -1), (0, 1)).contiguous()  # coordinates first: three times as fast
+    x = _unit(first)
+    y = _unit(second - (x * second).sum(0) * x)
+    joints = torch.cat([x, y, _cross(x, y)], dim=-1) @ _limbs(offsets)
+    height = features[..., HEIGHT, None]
+    return torch.stack([joints[0], joints[1], joints[2] + height]).movedim(0, -1)
 
 
-def _ancestors(like: Tensor) -> Tensor:
-    """(J, J): column j sums the bones from the root to joint j."""
-    matrix = torch.zeros(len(SMPL_JOINTS), len(SMPL_JOINTS), dtype=like.dtype, device=like.device)
-    for j in range(len(SMPL_JOINTS)):
-        at = j
-        while at > 0:
-            matrix[at, j] = 1.0
-            at = SMPL_PARENTS[at]
-    return matrix
+def _unit(x: Tensor) -> Tensor:
+    return x * (x.square().sum(0) + 1e-12).rsqrt()
 
 
-def _at_height(features: Tensor) -> Tensor:
-    height = features[..., HEIGHT]
-    return torch.stack([torch.zeros_like(height), torch.zeros_like(height), height], dim=-1)[..., None, :]
+def _cross(a: Tensor, b: Tensor) -> Tensor:
+    (ax, ay, az), (bx, by, bz) = a, b
+    return torch.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+def _limbs(offsets: Tensor) -> Tensor:
+    """(3 J, J): how much of each joint's x axis, of each one's y and z axis, adds up to the place of joint j."""
+    count = len(SMPL_JOINTS)
+    limbs = torch.zeros(3, count, count, dtype=offsets.dtype, device=offsets.device)
+    for j in range(count):
+        bone = j
+        while bone > 0:
+            limbs[:, SMPL_PARENTS[bone], j] += offsets[bone]
+            bone = SMPL_PARENTS[bone]
+    return limbs.reshape(3 * count, count)
 
 
 def world_velocity(features: Tensor, joints: Tensor) -> Tensor:
@@ -60,9 +66,9 @@ def world_velocity(features: Tensor, joints: Tensor) -> Tensor:
     cos, sin = turn.cos(), turn.sin()
     x = cos * after[..., 0] - sin * after[..., 1]
     y = sin * after[..., 0] + cos * after[..., 1]
-    moved = (torch.stack([x, y, after[..., 2]], dim=-1) - now) * FPS
+    moved = (torch.stack([x, y, after[..., 2]]) - now.movedim(-1, 0)) * FPS
     planar = F.pad(features[:, :-1, PLANAR], (0, 1))
-    return moved + planar[:, :, None]
+    return (moved + planar.movedim(-1, 0)[..., None]).movedim(0, -1)
 
 
 def loss(
@@ -74,8 +80,11 @@ def loss(
     pair = real[:, 1:] * real[:, :-1]
     pair = pair / pair.sum()
     said, true = guess * std + mean, clean * std + mean
-    joints, joints_true = joint_positions(said, offsets), joint_positions(true, offsets)
-    speed, speed_true = world_velocity(said, joints), world_velocity(true, joints_true)
+    joints = joint_positions(said, offsets)
+    speed = world_velocity(said, joints)
+    with torch.no_grad():
+        joints_true = joint_positions(true, offsets)
+        speed_true = world_velocity(true, joints_true)
     planted = true[:, :-1, CONTACTS]
     feature = (((guess - clean) ** 2).mean(-1) * share).sum()
     position = ((joints - joints_true) ** 2).sum(-1).mean(-1) / 0.1**2

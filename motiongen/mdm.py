@@ -43,7 +43,11 @@ class Attention(nn.Module):
             layer(y).view(batch, y.shape[1], self.heads, -1).transpose(1, 2)
             for layer, y in ((self.query, x), (self.key, source), (self.value, source))
         )
-        heard = F.scaled_dot_product_attention(q, k, v, attn_mask=mask[:, None, None])
+        if x.device.type == "cpu":  # its attention has a fast backward pass in full precision only
+            with torch.autocast("cpu", enabled=False):
+                heard = F.scaled_dot_product_attention(q.float(), k.float(), v.float(), mask[:, None, None])
+        else:
+            heard = F.scaled_dot_product_attention(q, k, v, mask[:, None, None])
         return self.out(heard.transpose(1, 2).reshape(batch, count, width))
 
 
@@ -58,14 +62,13 @@ class Block(nn.Module):
         self.feed_forward = nn.Sequential(
             nn.Linear(c.width, c.feed_forward), nn.GELU(), nn.Dropout(c.dropout), nn.Linear(c.feed_forward, c.width)
         )
-        self.dropout = nn.Dropout(c.dropout)
 
     def forward(self, x: Tensor, mask: Tensor, words: Tensor, word_mask: Tensor) -> Tensor:
         """(B, N, width)."""
         y = self.norms[0](x)
-        x = x + self.dropout(self.self_attention(y, y, mask))
-        x = x + self.dropout(self.cross_attention(self.norms[1](x), words, word_mask))
-        return x + self.dropout(self.feed_forward(self.norms[2](x)))
+        x = x + self.self_attention(y, y, mask)
+        x = x + self.cross_attention(self.norms[1](x), words, word_mask)
+        return x + self.feed_forward(self.norms[2](x))
 
 
 class Mdm(nn.Module):

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from motiongen.diffusion import SAMPLERS, Denoiser, guide
 from motiongen.features import CONTACTS, FPS, HEIGHT, PLANAR, features_to_motion
-from motiongen.generator import Familiarity, check_prompt
+from motiongen.generator import MIN_SECONDS, Familiarity, check_prompt
+from motiongen.lengths import usual_seconds
 from motiongen.mdm_run import denoise
 from motiongen.motion import FOOT_JOINTS, SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from motiongen.nn import Floats
@@ -19,7 +20,6 @@ from motiongen.skeletons import BANDAI_NAMCO
 from motiongen.text import TextEncoder
 from motiongen.weights import FOLDER, load_weights, nearest
 
-WINDOW = 180  # frames: the longest stretch the model was trained on
 OVERLAP = 36  # frames of the last window that the next one is made to go on from
 GUIDANCE = 2.5
 
@@ -57,9 +57,8 @@ class MdmGenerator:
             raise ValueError(f"guidance must be a number, not {guidance}")
         texts = [check_prompt(t, seconds) for t in texts]
         said = self._encoder(texts)
-        bank = self._weights.bank
-        usual = (bank.seconds[nearest(bank, each)[0][1]] for each in said[2])
-        counts = [round((seconds or each) * FPS) for each in usual]
+        usual = np.clip(usual_seconds(self._weights.lengths, said[2]), MIN_SECONDS, self._weights.window / FPS)
+        counts = [round((seconds or each) * FPS) for each in usual.round(1)]
         x = self._draw(said, np.array(counts), [seed + i for i in range(len(texts))], scale)
         return [self._motion(x[i, :n], texts[i], seed + i) for i, n in enumerate(counts)]
 
@@ -69,7 +68,7 @@ class MdmGenerator:
         """Normalised features (B, T, 140): the first window, then windows that go on from the one before."""
         patch, width = self._weights.patch, len(self._weights.mean)
         total = patch * math.ceil(counts.max() / patch)
-        length = min(total, WINDOW)
+        length = min(total, self._weights.window)
         random = [np.random.default_rng(s) for s in seeds]
         done = np.zeros((len(seeds), 0, width), np.float32)
         while done.shape[1] < total:

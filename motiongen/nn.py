@@ -16,7 +16,10 @@ Tensors = dict[str, Floats]
 
 def linear(x: Floats, w: Tensors, name: str) -> Floats:
     """x·Wᵀ + b over the last axis."""
-    return x @ w[f"{name}.weight"].T + w[f"{name}.bias"]
+    matrix = w[f"{name}.weight"]
+    flat = x.reshape(-1, x.shape[-1]) @ matrix.T  # one product: numpy would make one of every row of a batch
+    flat += w[f"{name}.bias"]
+    return flat.reshape(*x.shape[:-1], len(matrix))
 
 
 def layer_norm(x: Floats, w: Tensors, name: str, eps: float = 1e-5) -> Floats:

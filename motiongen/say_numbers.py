@@ -22,6 +22,7 @@ _SMALL = (
 )  # fmt: skip
 _PARTICIPLE = r"\w+ing\b"
 _TENS = ("", "", "twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
+_NUMBER = re.compile(rf"\d|\b(once|twice|{'|'.join(_SMALL[1:])}|{'|'.join(_TENS[2:])})\b")
 
 
 @dataclass(frozen=True)
@@ -65,9 +66,14 @@ def clauses(measured: Measured) -> tuple[str, ...]:
     return tuple(said.clause for said in facts(measured))
 
 
+def has_number(caption: str) -> bool:
+    """Whether a caption says a number, in figures or in words."""
+    return _NUMBER.search(caption) is not None
+
+
 def with_numbers(caption: str, measured: Measured) -> tuple[str, ...]:
     """`caption` with each fact that fits it, one at a time; a caption that has numbers already gets none."""
-    if re.search(rf"\d|\b(once|twice|{'|'.join(_SMALL[1:])}|{'|'.join(_TENS[2:])})\b", caption):
+    if has_number(caption):
         return ()
     fitting = [said.after for said in facts(measured) if re.search(said.needs, caption)]
     return tuple(f"{caption}{',' if re.match(_PARTICIPLE, after) else ''} {after}" for after in fitting)

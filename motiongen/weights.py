@@ -20,7 +20,7 @@ from motiongen.files import replacing
 from motiongen.nn import Floats, Tensors
 
 FOLDER = Path(__file__).parent / "weights"
-_FORMAT = "rigcast-mdm-1"
+_FORMAT = "rigcast-mdm-2"
 _EXTRAS = ("mean", "std", "offsets", "bank")
 
 
@@ -32,13 +32,12 @@ class WeightsError(ValueError):
 class Bank:
     """What the model was trained on: unit `vectors` (N, 384) of captions; caption i shows `contents[which[i]]`.
 
-    `seconds` holds the usual length of each content's clips; `known` is the cosine from which a text counts as known.
+    `known` is the cosine from which a text counts as known.
     """
 
     vectors: Floats
     which: tuple[int, ...]
     contents: tuple[str, ...]
-    seconds: tuple[float, ...]
     known: float
 
 
@@ -46,15 +45,18 @@ class Bank:
 class Weights:
     """A trained model: its tensors by name; `patch` and `heads` are what their shapes do not say.
 
-    `mean`, `std` (140,) of the features, `offsets` (22, 3) in metres; `digest` names the file.
+    `window`: frames of the longest stretch that it was trained on; `mean`, `std` (140,) of the features; `offsets`
+    (22, 3) in metres; `lengths`: the network of `motiongen.lengths`; `digest` names the file.
     """
 
     tensors: Tensors
     patch: int
     heads: int
+    window: int
     mean: Floats
     std: Floats
     offsets: Floats
+    lengths: Tensors
     bank: Bank
     licence: str
     training: dict[str, str]
@@ -64,11 +66,12 @@ class Weights:
 def save_weights(weights: Weights, path: Path) -> None:
     """Write a weights file in half precision (under a temporary name first)."""
     tensors: dict[str, np.ndarray] = {f"model.{k}": v.astype(np.float16) for k, v in weights.tensors.items()}
+    tensors |= {k: v.astype(np.float16) for k, v in weights.lengths.items()}
     tensors |= {"mean": weights.mean, "std": weights.std, "offsets": weights.offsets}
     tensors["bank"] = weights.bank.vectors.astype(np.float16)
     metadata = {
         "format": _FORMAT,
-        "model": json.dumps({"patch": weights.patch, "heads": weights.heads}),
+        "model": json.dumps({"patch": weights.patch, "heads": weights.heads, "window": weights.window}),
         "bank": json.dumps({k: v for k, v in asdict(weights.bank).items() if k != "vectors"}),
         "licence": weights.licence,
         "training": json.dumps(weights.training),
@@ -91,12 +94,14 @@ def load_weights(path: Path) -> Weights:
         mean, std, offsets, vectors = (tensors.pop(k) for k in _EXTRAS)
         about, bank = json.loads(metadata["model"]), json.loads(metadata["bank"])
         return Weights(
-            {k.removeprefix("model."): v for k, v in tensors.items()},
+            {k.removeprefix("model."): v for k, v in tensors.items() if k.startswith("model.")},
             int(about["patch"]),
             int(about["heads"]),
+            int(about["window"]),
             mean,
             std,
             offsets,
+            {k: v for k, v in tensors.items() if k.startswith("lengths.")},
             Bank(vectors, **bank),
             metadata["licence"],
             json.loads(metadata["training"]),

@@ -1,4 +1,4 @@
-"""A small classifier of content, trained on real clips, that judges whether a motion shows what was asked for.
+"""A small classifier of contents, trained on real clips, that judges whether a motion shows what was asked for.
 
 It sees features, not files, and not one clip that it is tested on. Its inputs are low-frequency enough that the seams
 and the smoothness of generated motion do not matter to it.
@@ -6,20 +6,26 @@ and the smoothness of generated motion do not matter to it.
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from motiongen.corpus import Corpus
+from motiongen.captions import swap_sides
+from motiongen.data.dataset import Dataset
 from motiongen.losses import joint_positions
 
-LENGTH = 180
+LENGTH = 240
 RATE = 2  # every second frame
+STRIDES = (2, 2, 1)
 
 
-class Judge(nn.Module):
+class Contents(nn.Module):
     """Content of a clip from its joints in the heading frame and its root's speed."""
+
+    offsets: Tensor
 
     def __init__(self, contents: list[str], offsets: Tensor) -> None:
         super().__init__()
@@ -28,7 +34,7 @@ class Judge(nn.Module):
         channels = 22 * 3 + 4
         self.norm = nn.BatchNorm1d(channels)
         self.layers = nn.ModuleList(
-            nn.Conv1d(a, 96, 5, stride=s, padding=2) for a, s in ((channels, 2), (96, 2), (96, 1))
+            nn.Conv1d(a, 96, 5, stride=s, padding=2) for a, s in zip((channels, 96, 96), STRIDES, strict=True)
         )
         self.head = nn.Linear(2 * 96, len(contents))
 
@@ -38,9 +44,9 @@ class Judge(nn.Module):
         x = torch.cat([joints, features[..., :4]], dim=-1)[:, ::RATE].transpose(1, 2)
         real = frames[:, None, ::RATE].float()
         x = self.norm(x) * real
-        for layer in self.layers:
+        for layer, stride in zip(self.layers, STRIDES, strict=True):
             x = F.gelu(layer(F.dropout(x, 0.2, self.training)))
-            real = F.max_pool1d(real, 2, ceil_mode=True) if layer.stride[0] == 2 else real
+            real = F.max_pool1d(real, 2, ceil_mode=True) if stride == 2 else real
             x = x * real[..., : x.shape[-1]]
         real = real[..., : x.shape[-1]]
         mean = x.sum(-1) / real.sum(-1)
@@ -55,7 +61,7 @@ class Judge(nn.Module):
 
 
 def pad(clips: list[np.ndarray]) -> tuple[Tensor, Tensor]:
-    """Features (B, 180, 140) and which frames count, clips cut or padded at the end."""
+    """Features (B, 240, 140) and which frames count, clips cut or padded at the end."""
     x = np.zeros((len(clips), LENGTH, clips[0].shape[1]), np.float32)
     frames = np.zeros((len(clips), LENGTH), bool)
     for i, clip in enumerate(clips):
@@ -65,24 +71,45 @@ def pad(clips: list[np.ndarray]) -> tuple[Tensor, Tensor]:
     return torch.from_numpy(x), torch.from_numpy(frames)
 
 
-def train_judge(corpus: Corpus, contents: list[str], *, steps: int, seed: int = 0) -> Judge:
-    """A judge of `contents`, each drawn equally often, from the clips that are not held out and their mirrors."""
+def judged_contents(data: Dataset, least: int = 12) -> list[str]:
+    """Contents that a data set has at least `least` clips of and some to test with; composed clips do not count."""
+    counts = Counter(e.content for e in data.entries if e.content and e.source != "composed")
+    common = sorted(content for content, count in counts.items() if count >= least)
+    tested = clips_of(data, common, "test")
+    return [content for content in common if tested[content]]
+
+
+def clips_of(data: Dataset, contents: list[str], split: str) -> dict[str, list[tuple[int, bool]]]:
+    """Clip and whether mirrored, of every clip of `split` that shows one of `contents`."""
+    rows: dict[str, list[tuple[int, bool]]] = {c: [] for c in contents}
+    for i, entry in enumerate(data.entries):
+        for mirrored in (False, True):
+            content = swap_sides(entry.content) if mirrored else entry.content
+            if entry.split == split and entry.source != "composed" and content in rows:
+                rows[content].append((i, mirrored))
+    return rows
+
+
+def train_contents(data: Dataset, contents: list[str], *, steps: int, seed: int = 0) -> Contents:
+    """A classifier of `contents`, each drawn equally often, from the clips of the training split and their mirror images.
+
+    Raises ValueError naming a content without training clips.
+    """
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    rows: dict[str, list[tuple[int, bool]]] = {c: [] for c in contents}
-    for i in np.flatnonzero(~corpus.held_out):
-        for mirrored in (False, True):
-            if corpus.content(i, mirrored) in rows:
-                rows[corpus.content(i, mirrored)].append((int(i), mirrored))
-    model = Judge(contents, torch.tensor(corpus.offsets, dtype=torch.float32))
+    rows = clips_of(data, contents, "train")
+    if empty := [c for c in contents if not rows[c]]:
+        raise ValueError(f"{data.folder}: no training clip of {', '.join(empty)}")
+    offsets = torch.tensor(next(e.offsets for e in data.entries), dtype=torch.float32)
+    model = Contents(contents, offsets)
     optimizer = torch.optim.AdamW(model.parameters(), lr=2e-3, weight_decay=0.05)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-3, total_steps=steps)
     for _ in range(steps):
-        which = rng.integers(0, len(contents), 48)
+        which = rng.integers(0, len(contents), 64)
         clips = []
         for c in which:
             each = rows[contents[c]]
-            clip = corpus.clip(*each[rng.integers(len(each))])
+            clip = data.features(*each[rng.integers(len(each))])
             if len(clip) > 60 and rng.random() < 0.5:  # a generated clip may start later or stop earlier
                 start = rng.integers(0, min(len(clip) // 5, 30) + 1)
                 clip = clip[start : len(clip) - rng.integers(0, len(clip) // 5 + 1)]
