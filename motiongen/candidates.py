@@ -1,8 +1,8 @@
 """Draw several motions for a text and keep the one that measures right.
 
 Counts, sides and degrees can be measured in the motion itself, so a generator that gets them right sometimes gets them
-right more often when the best of a few is kept. One is drawn first; where it does all that was asked, or where nothing that
-was asked can be measured, it is kept and no other is drawn.
+right more often when the best of a few is kept. One is drawn first. Where it does all that was asked, or where nothing
+that was asked can be measured, it is kept and no other is drawn.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ VERBS = {
     "hand": "uses a hand", "leg": "lifts a leg", "aside": "goes sideways", "walk": "walks", "run": "runs",
 }  # fmt: skip
 COUNTED = ("wave", "raise", "nod", "shake", "clap", "bow", "squat", "jump", "step")
+GOING = ("walk", "run", "step")
 UNTIMED = ("hand", "leg", "aside")  # measured over the whole motion
 
 # What may be said in degrees, and by how much it may be off.
@@ -245,9 +246,20 @@ def _in_order(asked: Asked, seen: Seen) -> bool:
         return True
     spans = [_span(claim, seen) for claim in asked.claims]
     if asked.order == "then":
-        return all(a[1] <= b[0] for a, b in pairwise(spans))
+        pairs = pairwise(zip(asked.claims, spans, strict=True))
+        return all(_after(one.action, a, other.action, b) for (one, a), (other, b) in pairs)
     start, end = max(spans, key=lambda span: span[1] - span[0])
     return all(start <= (a + b) / 2 <= end for a, b in spans)
+
+
+def _after(first: str, a: tuple[float, float], second: str, b: tuple[float, float]) -> bool:
+    """Whether span `b` comes after span `a`. People walk on through a turn, and turn by stepping: of the two only one
+    end of the walk is looked at."""
+    if first in GOING and second == "turn":
+        return a[0] <= b[0]
+    if first == "turn" and second in GOING:
+        return a[1] <= b[1]
+    return a[1] <= b[0]
 
 
 def _span(claim: Claim, seen: Seen) -> tuple[float, float]:

@@ -31,7 +31,7 @@ class TrainConfig:
     """One run. The learning rate is warmed up, then falls to nothing along a cosine."""
 
     kind: Kind = "guo"
-    steps: int = 1000
+    steps: int = 600
     batch: int = 64
     rate: float = 1e-3
     warm_up: int = 100
