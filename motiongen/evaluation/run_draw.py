@@ -103,7 +103,9 @@ def _save(path: Path, motions: Sequence[Motion | None], spent: float) -> None:
     there = [m for m in motions if m is not None]
     for motion in there:
         if motion.skeleton.names != SMPL_JOINTS:
-            raise ValueError(f"a motion of {len(motion.skeleton.names)} joints, expected the {len(SMPL_JOINTS)} of SMPL")
+            raise ValueError(
+                f"a motion of {len(motion.skeleton.names)} joints; it needs the {len(SMPL_JOINTS)} of SMPL"
+            )
     joints = len(SMPL_JOINTS)
     arrays = {
         "frames": np.array([0 if m is None else len(m) for m in motions]),

@@ -1,4 +1,4 @@
-"""What an evaluation found, as one JSON file: every figure with its interval, every prompt's outcome, and who judged."""
+"""What an evaluation found, as one JSON file: figures with intervals, every prompt's outcome, and who judged."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def write_results(results: Results, path: Path) -> None:
 
 
 def read_results(path: Path) -> Results:
-    """Read what `write_results` wrote; raises ResultsError where it is something else, OSError where it is not there."""
+    """Read what `write_results` wrote; raises ResultsError where it is something else, OSError where there is none."""
     try:
         results = msgspec.json.decode(path.read_bytes(), type=Results)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:

@@ -1,4 +1,4 @@
-"""What can be evaluated: generators by name, weights files, baselines, held-out clips, noise, anybody's motion files."""
+"""What can be evaluated: generators, weights files, baselines, held-out clips, noise, anybody's motion files."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def open_subject(what: str, data: Dataset) -> Opened:
     """Open a generator's name, `retrieval`, `mean-pose`, `noise`, `real`, a `.safetensors` file of weights, or a folder
     of motion files with a captions file.
 
-    Raises PromptError for another name, SourceError for a folder that cannot be used, ValueError for a motion in it that
-    cannot be read or is on another skeleton, WeightsError for weights.
+    Raises PromptError for another name, SourceError for a folder that cannot be used, or a motion in it that cannot be
+    read or is on another skeleton, WeightsError for weights.
     """
     if what == REAL:
         return Opened(REAL, data_digest(data), "; ".join(sorted({e.licence for e in data.entries})))
@@ -60,9 +60,7 @@ def open_subject(what: str, data: Dataset) -> Opened:
         return _of_generator(path.stem, MdmGenerator(path))
     if not path.is_dir():
         names = ", ".join((*list_generators(), *BASELINES, REAL))
-        raise PromptError(
-            f"no subject {what!r}; there are {names}, a .safetensors file, or a folder with captions.csv"
-        )
+        raise PromptError(f"no subject {what!r}; there are {names}, a .safetensors file, or a folder with captions.csv")
     return _of_folder(path)
 
 
@@ -130,6 +128,6 @@ def code_digest() -> str:
 
 
 def data_digest(data: Dataset) -> str:
-    """16 hex digits over what clips a data set has, how they are called and split, and their statistics."""
-    files = [data.folder / "dataset.json", *sorted(data.folder.glob("shard-*.jsonl"))]
+    """16 hex digits over what clips a data set has, how they are called and split."""
+    files = sorted(data.folder.glob("shard-*.jsonl"))
     return sha256("".join(file_digest(path) for path in files).encode()).hexdigest()[:16]
