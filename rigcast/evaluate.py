@@ -121,13 +121,13 @@ def _progress() -> Iterator[Callable[[str, int, int], None]]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     screen = Console(stderr=True)
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
-        task, said = bar.add_task("opening", total=None), ""
+        task, said = bar.add_task("opening", total=None), "opening"
 
         def tell(what: str, done: int, total: int) -> None:
-            nonlocal said
+            nonlocal task, said
             if what != said:
-                bar.reset(task, description=what, total=total or None)
-                said = what
+                bar.remove_task(task)
+                task, said = bar.add_task(what, total=total or None), what
             bar.update(task, completed=done)
 
         yield tell
@@ -152,8 +152,8 @@ def _write_prompts(sets: Sets, path: Path) -> None:
     """What was asked for, so that others' generators can be asked the same."""
     from motiongen.files import replacing
 
-    rows = [*zip(sets.clips.captions, sets.seconds, strict=True), *((text, "") for text, _ in sets.contents)]
-    rows += [(prompt.text, "") for prompt in sets.language]
+    rows: list[tuple[str, object]] = [*zip(sets.clips.captions, sets.seconds, strict=True)]
+    rows += [(text, "") for text, _ in sets.contents] + [(prompt.text, "") for prompt in sets.language]
     with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(("caption", "seconds"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -65,12 +64,11 @@ def open_subject(what: str, data: Dataset) -> Opened:
 
 
 def _of_generator(name: str, generator: Generator) -> Opened:
-    digest = getattr(generator, "digest", "")
-    passes = getattr(generator, "passes", None)
+    digest, passes = getattr(generator, "digest", ""), getattr(generator, "passes", None)  # what only a model has
     return Opened(name, f"{code_digest()} {digest}".strip(), generator.licence, generator, passes=passes)
 
 
-def _baseline(name: Literal["retrieval", "mean-pose", "noise"] | str, data: Dataset) -> Generator:
+def _baseline(name: str, data: Dataset) -> Generator:
     if name == "noise":
         return Noise()
     from motiongen.evaluation.baselines import MeanPose, Retrieval
