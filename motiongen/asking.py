@@ -18,7 +18,7 @@ _ACTIONS = {
 _BY_LEG = ("stand-on-one-leg", "raise-knee", "kick")
 _BY_HAND = (
     "point", "point-forward", "point-up", "salute", "stop-sign", "beckon", "facepalm", "hand-on-heart", "listen",
-    "blow-kiss", "fist-pump", "punch",
+    "blow-kiss", "fist-pump",
 )  # fmt: skip
 
 _SIDED = ("wave", "raise", "arm", "turn", "hand", "leg", "aside")

@@ -17,6 +17,7 @@ from motiongen.measure import observe
 from motiongen.motion import Motion
 
 MOST = 64
+DEFAULT_CANDIDATES = 4  # each costs as much as the first, and is drawn only where the first is wrong
 SKATE_STEP = 0.05  # share of foot skate within which two candidates slide alike
 
 

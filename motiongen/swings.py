@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,12 +46,17 @@ def turnings(signal: Array, fps: float, least: float) -> list[Turning]:
     for before, (at, high), after in zip(points, points[1:], points[2:], strict=False):
         depth = float(min(abs(signal[at] - signal[before[0]]), abs(signal[at] - signal[after[0]])))
         sign = 1.0 if high else -1.0
-        inside = sign * (signal[before[0] : after[0] + 1] - signal[at]) > -depth / 2
+        above = sign * (signal[before[0] : after[0] + 1] - signal[at]) + depth / 2
         start = at - before[0]
-        first = at - int(np.argmin(inside[start::-1])) + 1
-        last = at + int(np.argmin(inside[start:])) - 1
-        out.append(Turning(at, high, depth, first, last, (last - first + 1) / fps))
+        back, on = _crossing(above[start::-1]), _crossing(above[start:])
+        out.append(Turning(at, high, depth, at - math.ceil(back) + 1, at + math.ceil(on) - 1, (back + on) / fps))
     return out
+
+
+def _crossing(above: Array) -> float:
+    """Where `above` (N,), positive at first, comes to 0, in frames, between frames by a straight line."""
+    past = int(np.argmax(above <= 0))
+    return float(past - 1 + above[past - 1] / (above[past - 1] - above[past]))
 
 
 def _extremes(signal: Array, least: float) -> list[tuple[int, bool]]:

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
+from motiongen.candidates import DEFAULT_CANDIDATES, choose
 from motiongen.generator import check_prompt, load_generator
 from retarget.rig import Mount, load_rig
 from rigcast import show
@@ -23,6 +24,7 @@ def say(
     seed: int = 0,
     generator: str = "mdm",
     guidance: float | None = None,
+    candidates: int = DEFAULT_CANDIDATES,
     strict: bool = False,
     delivery: Annotated[Delivery, arg(name="")] = Delivery(),  # noqa: B008
 ) -> int:
@@ -36,6 +38,7 @@ def say(
         seed: The same seed gives the same motion.
         generator: Name of a generator (see `rigcast generators`).
         guidance: How strictly the text is followed; by default as the generator is best at.
+        candidates: Motions drawn at most, of which the one is kept that does what can be measured of the text.
         strict: Exit 1 where the text is far from everything that the generator was trained on.
     """
     times = Times()
@@ -50,8 +53,11 @@ def say(
         if strict:
             return 1
     with times.stage("generate"):
-        motion = model.generate(text, seconds=seconds, seed=seed, guidance=guidance)
+        kept = choose(model, text, candidates=candidates, seconds=seconds, seed=seed, guidance=guidance)
+    if kept.drawn > 1:
+        show.warn(str(kept))
     from rigcast.pipeline import take
 
     said: dict[str, Any] = {"text": text, "known": familiarity.known, "nearest": list(familiarity.nearest)}
-    return deliver(take(motion, body, mount, times), delivery, times, said)
+    said |= {"candidates": kept.drawn, "kept": kept.index + 1, "measured": kept.asked, "right": kept.right}
+    return deliver(take(kept.motion, body, mount, times), delivery, times, said)

@@ -132,7 +132,7 @@ def _sides() -> Iterator[tuple[str, Asked]]:
             ("sidestep to the {}", "aside"), ("walk sideways to the {}", "aside"), ("kick with the {} leg", "leg"),
             ("lift your {} knee", "leg"), ("salute with your {} hand", "hand"), ("point up with the {} hand", "hand"),
             ("put your {} hand on your heart", "hand"), ("beckon with the {} hand", "hand"),
-            ("punch with the {} fist", "hand"), ("say hello with the {} hand", "wave"),
+            ("listen with your {} hand at the ear", "hand"), ("say hello with the {} hand", "wave"),
             ("balance on one leg, the {} foot up", "leg"),
         ):  # fmt: skip
             yield text.format(side), _one(Claim(action, side))

@@ -39,7 +39,10 @@ REPEATED_PAIRS = 10  # MultiModality: pairs for each text
 class Evaluator(Protocol):
     """A judge: texts and motions in one space of D dimensions, near where they say the same."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """What to call it beside its figures."""
+        ...
 
     def embed_texts(self, texts: Sequence[str]) -> Array:
         """Embeddings (N, D); row i says nothing of the texts beside text i."""

@@ -12,6 +12,7 @@ not. Rows come back in the order in which they went in.
 from __future__ import annotations
 
 import pickle
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +27,7 @@ from motiongen.evaluation.seen import leg_length
 from motiongen.evaluation.words import PARTS, GloVe
 from motiongen.humanml import HUMANML3D, LAYOUTS, Layout, positions_to_features
 from motiongen.humanml_files import humanml_positions
-from motiongen.motion import Motion
+from motiongen.motion import SMPL_JOINTS, Motion
 from motiongen.nn import Floats
 from motiongen.rotation import Array
 from motiongen.smpl import SMPL_SKELETON
@@ -95,7 +96,12 @@ class Published:
 
 
 def on_standard_body(motion: Motion) -> Motion:
-    """The motion with HumanML3D's bone lengths, its joint angles kept, its way scaled by the length of the legs."""
+    """The motion with HumanML3D's bone lengths, its joint angles kept, its way scaled by the length of the legs.
+
+    Raises ValueError where its joints are not SMPL's 22.
+    """
+    if motion.skeleton.names != SMPL_JOINTS:
+        raise ValueError(f"expected the {len(SMPL_JOINTS)} joints of SMPL, not {motion.skeleton.names}")
     size = leg_length(SMPL_SKELETON.offsets) / leg_length(motion.skeleton.offsets)
     return replace(motion, root_pos=motion.root_pos * size, skeleton=SMPL_SKELETON)
 
@@ -131,7 +137,9 @@ def _read(path: Path) -> dict[str, dict[str, torch.Tensor]]:
     if not path.is_file():
         raise JudgeError(f"{path}: no such file")
     try:
-        said = torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of pickle protocols that torch may not know: it then refuses
+            said = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError:
         raise JudgeError(f"{path}: refused, it holds more than tensors and could run code when read") from None
     except (RuntimeError, EOFError, OSError, ValueError) as error:

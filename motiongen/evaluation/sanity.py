@@ -43,7 +43,7 @@ def noise(motions: Sequence[Motion], seed: int = 0) -> list[Motion]:
 
 
 def sanity(evaluator: Evaluator, clips: Clips, seed: int = 0) -> dict[str, Scores]:
-    """Scores, against half of `clips`, of the other half ("real"), of it with captions shuffled, and of noise with them.
+    """Scores, against half of `clips`, of the other half: as it is, with captions shuffled, and noise in its place.
 
     Halves, since clips against themselves would have an FID of 0 from any evaluator. Raises ValueError as `score`.
     """
