@@ -23,7 +23,7 @@ from motiongen.evaluation.run_measure import (
     speed_figure,
 )
 from motiongen.evaluation.run_results import VERSION, Results, ResultsError, Subject
-from motiongen.evaluation.run_sets import Sets, make_sets
+from motiongen.evaluation.run_sets import Sets, make_sets, require_held_out
 from motiongen.evaluation.run_show import Tell, Wish, show
 from motiongen.evaluation.subjects import REAL, Opened, data_digest, open_subject
 from motiongen.motion import Motion
@@ -50,6 +50,7 @@ def evaluate(
 
     Raises ResultsError for a name given twice or too few clips, and what opening, drawing and judging raise.
     """
+    require_held_out(data)
     opened = _open(names, data)
     judges = open_judges(data, wish.judges, wish.plan, lambda what: tell(what, 0, 0))
     sets = make_sets(data, list(judges.real_contents), wish.plan, wish.seed, styles=judges.style is not None)

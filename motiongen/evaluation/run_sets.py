@@ -68,20 +68,26 @@ class Sets:
     language: tuple[Prompt, ...]
 
 
+def require_held_out(data: Dataset) -> None:
+    """Raise ResultsError where there are too few held-out clips for two sets of 32."""
+    count = sum(entry.split == "test" for entry in data.entries)
+    if count < 2 * BATCH:
+        raise ResultsError(
+            f"{data.folder}: {count} held-out clips; an evaluation needs {2 * BATCH}, {BATCH} to ask for and {BATCH} to "
+            "compare with"
+        )
+
+
 def make_sets(data: Dataset, contents: list[str], plan: Plan, seed: int, *, styles: bool) -> Sets:
     """Draw the sets by `seed`. `contents`: those that can be judged; `styles`: whether they can. Language tests that
     ask for what cannot be judged are left out.
 
     A clip's seconds are those of the held-out clip in whole numbers, up to the 8 s that evaluators see. Raises
-    ResultsError where there are too few held-out clips for two sets of 32.
+    ResultsError as `require_held_out`.
     """
+    require_held_out(data)
     tested = held_out(data, seed=seed)
     count = min(plan.clips, len(tested.captions) // 2)
-    if count < BATCH:
-        raise ResultsError(
-            f"{data.folder}: {len(tested.captions)} held-out clips; an evaluation needs {2 * BATCH}, {BATCH} to "
-            f"ask for and {BATCH} to compare with"
-        )
     order = np.random.default_rng(seed).permutation(len(tested.captions))
     asked = _some(tested, order[count : 2 * count])
     seconds = tuple(float(np.clip(round(m.duration), MIN_SECONDS, MOST_SECONDS)) for m in asked.motions)
