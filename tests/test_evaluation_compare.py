@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, ttest_rel
 
-from motiongen.evaluation.compare import bootstrap, compare, compare_files, holm, mcnemar
+from motiongen.evaluation.compare import Comparison, bootstrap, compare, compare_files, holm, mcnemar
 from motiongen.evaluation.run_results import (
     VERSION,
     Items,
@@ -36,7 +36,7 @@ def results(right: list[int], amounts: list[float | None], name: str = "a", seed
     )
 
 
-def both(one: Results, other: Results):  # noqa: ANN201
+def both(one: Results, other: Results) -> Comparison:
     return compare(one, one.subjects[0], other, other.subjects[0])
 
 

@@ -38,8 +38,8 @@ class Counting:
         if text == self.refuses:
             raise PromptError("no")
         self.asked.append((text, seconds, seed))
-        clip = walk(seconds or 2.0)
-        return replace(clip, root_pos=clip.root_pos + [seed, 0, 0])
+        clip = walk(seconds=seconds or 2.0)
+        return replace(clip, root_pos=clip.root_pos + np.array([seed, 0, 0]))
 
 
 def drawing(generator: Counting, folder: Path, **changes: object) -> Drawing:
@@ -90,7 +90,7 @@ def test_each_text_gets_its_own_seconds_and_its_own_seed(tmp_path: Path) -> None
     seconds = [3.0, 1.0, 2.0, 1.0]
     drawn = draw(drawing(generator, tmp_path), TEXTS[:4], seconds, silent)
     assert [m.duration for m in drawn.motions if m is not None] == pytest.approx(seconds, abs=0.04)
-    assert dict((text, each) for text, each, _ in generator.asked) == dict(zip(TEXTS, seconds, strict=False))
+    assert {text: each for text, each, _ in generator.asked} == dict(zip(TEXTS, seconds, strict=False))
     assert len({seed for *_, seed in generator.asked}) == 4
 
 
@@ -102,7 +102,7 @@ def test_a_refused_text_has_no_motion(tmp_path: Path) -> None:
 def test_another_skeleton_and_a_damaged_chunk_are_one_line(tmp_path: Path) -> None:
     class Headless(Counting):
         def generate(self, *args: object, **options: object) -> Motion:
-            clip = walk(1.0)
+            clip = walk(seconds=1.0)
             body = clip.skeleton
             cut = replace(body, names=body.names[:21], parents=body.parents[:21], offsets=body.offsets[:21])
             return replace(clip, skeleton=cut, joint_quat=clip.joint_quat[:, :21])

@@ -28,8 +28,8 @@ _ABOUT = {
     "speed": "Seconds of motion for each second of computing, on the machine named above.",
 }
 _EVALUATOR = (
-    "The published measures, as this evaluator sees them. Evaluators disagree, so there are two: compare figures of one "
-    "neither with those of another nor with those in papers."
+    "The published measures, as this evaluator sees them. Evaluators disagree, so there are two: compare figures of "
+    "one neither with those of another nor with those in papers."
 )
 
 

@@ -73,8 +73,8 @@ def require_held_out(data: Dataset) -> None:
     count = sum(entry.split == "test" for entry in data.entries)
     if count < 2 * BATCH:
         raise ResultsError(
-            f"{data.folder}: {count} held-out clips; an evaluation needs {2 * BATCH}, {BATCH} to ask for and {BATCH} to "
-            "compare with"
+            f"{data.folder}: {count} held-out clips; an evaluation needs {2 * BATCH}, {BATCH} to ask for and {BATCH} "
+            "to compare with"
         )
 
 
