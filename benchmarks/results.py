@@ -138,22 +138,22 @@ def results_page(single: Results, several: Results, cold: dict[str, Any], demo: 
     """docs/results.md."""
     split = "\n".join(f"| {name} | {seconds:.2f} |" for name, seconds in cold["split_s"].items())
     both = _together(single, several)
-    beside = targets(
-        msgspec.structs.replace(several, subjects=(*several.subjects, _by_name(single, "retrieval"))), MODEL
-    )
+    rival = _by_name(single, "retrieval")  # some targets are held against it
+    beside = msgspec.structs.replace(several, subjects=(*several.subjects, rival))
     best = compare(single, _by_name(single, MODEL), several, _by_name(several, MODEL))
-    plan = single.plan
+    plan, most = single.plan, DEFAULT_CANDIDATES
+    note = ", with `--quick`: few prompts, wide intervals" if quick else ""
     return f"""# Results
 
-Written by `make results` on {single.date}, {single.machine}{", with `--quick`: few prompts, wide intervals" if quick else ""}. No figure here was typed.
+Written by `make results` on {single.date}, {single.machine}{note}. No figure here was typed.
 
 ## What comes of a text?
 
-`rigcast eval`, on up to {plan["clips"]} held-out captions and {plan["language"]} prompts a category of the language tests; ± is half of
-the 95 % interval. [evaluation.md](evaluation.md) says what each measure is. `real` are held-out clips: the ceiling.
-`{MODEL}, best of {DEFAULT_CANDIDATES}` draws up to {DEFAULT_CANDIDATES} motions and keeps the one that measures right, as `rigcast say` does. `retrieval` is the
-training clip with the nearest caption. A prompt that a generator refuses counts as wrong, and as nobody moving:
-{_refusals(single)}.
+`rigcast eval`, on up to {plan["clips"]} held-out captions and {plan["language"]} prompts a category of the language
+tests; ± is half of the 95 % interval. [evaluation.md](evaluation.md) says what each measure is. `real` are held-out
+clips: the ceiling. `best of {most}` draws up to {most} motions and keeps the one that measures right, as `rigcast say`
+does. `retrieval` is the training clip with the nearest caption. A prompt that a generator refuses counts as wrong, and
+as nobody moving: {_refusals(single)}.
 
 {_table(both)}
 
@@ -165,15 +165,15 @@ training clip with the nearest caption. A prompt that a generator refuses counts
 {_targets(single)}
 ```
 
-and the best of {DEFAULT_CANDIDATES}:
+and the best of {most}:
 
 ```
-{chr(10).join(text(line).partition(" ")[2].strip() for line in beside)}
+{_targets(beside)}
 ```
 
 ## What do candidates gain?
 
-Prompt by prompt (`rigcast eval compare`), one drawn against the best of up to {DEFAULT_CANDIDATES}. {best.sentence}
+Prompt by prompt (`rigcast eval compare`), one drawn against the best of up to {most}. {best.sentence}
 
 {_compared(best)}
 
@@ -221,8 +221,8 @@ def card(single: Results, several: Results) -> str:
     return f"""# Model card: `{MODEL}`
 
 Text to human motion by diffusion, after the Motion Diffusion Model (Tevet et al. 2022): a transformer in decoder form
-({millions:.2f} M parameters, {w.patch} frames a token, {w.heads} heads) that predicts the clean motion and listens to every
-word by cross-attention. Written by `make results` on {single.date}, {single.machine}; no figure here was typed.
+({millions:.2f} M parameters, {w.patch} frames a token, {w.heads} heads) that predicts the clean motion and listens to
+every word by cross-attention. Written by `make results` on {single.date}, {single.machine}; no figure here was typed.
 
 | | |
 |---|---|
@@ -241,9 +241,9 @@ Beside held-out real clips, and the training clip with the nearest caption. [res
 
 Targets that it falls short of, one motion drawn for a prompt: {short}.
 
-It was trained on {len(w.bank.contents)} contents and sources: {", ".join(w.bank.contents)}. What is far from its captions
-(cosine under {w.bank.known}) is warned about, with the shares above right. The mocap behind it shows few actors of
-one build; other ways of moving are not in it.
+It was trained on {len(w.bank.contents)} contents and sources: {", ".join(w.bank.contents)}. What is far from its
+captions (cosine under {w.bank.known}) is warned about; the table says how often rightly. The motion capture behind it
+shows few actors of one build; other ways of moving are not in it.
 """
 
 
