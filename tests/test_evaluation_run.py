@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from motions import stand, walk
+from motions import walk
+from standing_clips import dataset
 
-from motiongen.data.dataset import Dataset, Entry, Head
 from motiongen.evaluation import run
 from motiongen.evaluation.report import FPS, page
 from motiongen.evaluation.report_plots import plot
@@ -22,14 +22,12 @@ from motiongen.evaluation.run_results import Figure, Results, ResultsError, read
 from motiongen.evaluation.run_sets import Plan, make_sets
 from motiongen.evaluation.run_show import Wish
 from motiongen.evaluation.subjects import open_subject
-from motiongen.features import motion_to_features
 from motiongen.files import save_motion
 from motiongen.generator import PromptError
 from motiongen.motion import SMPL_JOINTS, Motion
 from rigcast.__main__ import main
 
 PLAN = Plan(clips=34, again_texts=2, again_times=10, content=2, language=1, gate=3, judge_steps=1, content_steps=1)
-SHORTEST = 40  # frames: clip i has as many and i more, which is how the judge below tells which is which
 
 
 class ByLength:
@@ -60,42 +58,27 @@ JUDGES = Judges(
 )
 
 
-def dataset(folder: Path, tested: int = 70) -> Dataset:
-    """`tested` held-out clips of standing, in turn called a bow and a nod, each a frame longer than the one before."""
-    rows = motion_to_features(stand(5.0)).astype(np.float16)
-    body = stand().skeleton
-    entries = []
-    for i in range(tested):
-        captions = (f"stands for {SHORTEST + i} frames",)
-        entries.append(
-            Entry(
-                f"clip-{i}", "folder", "", "none", "test", 0, SHORTEST + i, captions, captions, ("bow", "nod")[i % 2],
-                f"style {i}", tuple(map(tuple, body.offsets.tolist())), body.foot_height,
-            )
-        )  # fmt: skip
-    mean = tuple(rows.astype(float).mean(0))
-    return Dataset(folder, Head(1, (), tested, True, mean, (1.0,) * 140), tuple(entries), (), (0,) * tested, (rows,))
-
-
-@pytest.fixture
-def evaluated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Results, tuple[run.Example, ...], list[str]]:
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Results, tuple[run.Example, ...], list[str]]:
     """Held-out clips, standing still and a generator that refuses nearly everything, evaluated twice over."""
-    monkeypatch.setattr(run, "open_judges", lambda *_: JUDGES)
+    folder = tmp_path_factory.mktemp("evaluated")
     told: list[str] = []
-    wish = Wish(PLAN, tmp_path, tmp_path / "motions")
+    wish = Wish(PLAN, folder, folder / "motions")
 
     def gate(motions: Sequence[Motion]) -> tuple[str, int]:
         return "rig, stand", len(motions) - 1
 
     def evaluate() -> tuple[Results, tuple[run.Example, ...]]:
         names = ("real", "mean-pose", "gestures")
-        results, _, examples = run.evaluate(names, dataset(tmp_path), wish, lambda what, *_: told.append(what), gate)
+        results, _, examples = run.evaluate(names, dataset(folder), wish, lambda what, *_: told.append(what), gate)
         return results, examples
 
-    first, examples = evaluate()
-    assert evaluate()[0] == first
-    write_results(first, tmp_path / "results.json")
-    assert read_results(tmp_path / "results.json") == first
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "open_judges", lambda *_: JUDGES)
+        first, examples = evaluate()
+        assert evaluate()[0] == first
+    write_results(first, folder / "results.json")
+    assert read_results(folder / "results.json") == first
     return first, examples, told
 
 
@@ -119,7 +102,7 @@ def test_figures_are_those_that_the_judges_answers_come_to(evaluated: Any) -> No
     assert value(still, "language", "out of scope: warned") == 1.0
     assert real.figure("speed", "times faster than real time") is None
     assert still.figure("evaluator length", "multimodality") is None
-    # "stands for 57 frames" names no gesture; what a generator refuses counts as wrong.
+    # "dwells for 57 frames" names no gesture; what a generator refuses counts as wrong.
     assert gestures.refused >= PLAN.clips
     assert value(gestures, "content", "right, macro average") == 0.0
     counted = next(items for items in gestures.items if (items.group, items.name) == ("content", "right"))
@@ -138,10 +121,13 @@ class Page(HTMLParser):
         self.joints: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag not in ("meta", "line", "circle"):
+        if tag != "meta":
             self.open.append(tag)
         self.links += [value or "" for name, value in attrs if name in ("src", "href")]
         self.joints += [value or "" for name, value in attrs if name == "data-joints"]
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        assert tag in ("line", "circle")
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag

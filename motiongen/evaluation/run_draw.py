@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import groupby
@@ -84,19 +85,17 @@ def _draw_chunk(how: Drawing, asked: Sequence[tuple[str, float | None]], seed: i
 def _draw_alike(how: Drawing, texts: list[str], seconds: float | None, seed: int) -> list[Motion | None]:
     """Motions of equal length; text i from `seed` + i candidates further on."""
     if how.candidates == 1 and isinstance(how.generator, BatchGenerator):
-        try:
+        with suppress(PromptError):  # where one of them is refused, one by one tells which
             return list(how.generator.generate_batch(texts, seconds=seconds, seed=seed))
-        except PromptError:
-            pass  # one of them is refused: one by one tells which
-    made: list[Motion | None] = []
-    for i, text in enumerate(texts):
-        try:
-            first = seed + i * how.candidates
-            kept = choose(how.generator, text, candidates=how.candidates, seconds=seconds, seed=first)
-            made.append(kept.motion)
-        except PromptError:
-            made.append(None)
-    return made
+    return [_draw_one(how, text, seconds, seed + i * how.candidates) for i, text in enumerate(texts)]
+
+
+def _draw_one(how: Drawing, text: str, seconds: float | None, seed: int) -> Motion | None:
+    """A motion of `seconds`, or, where that is refused, as long as the generator likes: the length was not the text's."""
+    for length in dict.fromkeys((seconds, None)):
+        with suppress(PromptError):
+            return choose(how.generator, text, candidates=how.candidates, seconds=length, seed=seed).motion
+    return None
 
 
 def _save(path: Path, motions: Sequence[Motion | None], spent: float) -> None:
