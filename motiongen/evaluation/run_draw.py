@@ -91,7 +91,7 @@ def _draw_alike(how: Drawing, texts: list[str], seconds: float | None, seed: int
 
 
 def _draw_one(how: Drawing, text: str, seconds: float | None, seed: int) -> Motion | None:
-    """A motion of `seconds`, or, where that is refused, as long as the generator likes: the length was not the text's."""
+    """A motion of `seconds`; where that is refused, as long as the generator likes: the length was not the text's."""
     for length in dict.fromkeys((seconds, None)):
         with suppress(PromptError):
             return choose(how.generator, text, candidates=how.candidates, seconds=length, seed=seed).motion

@@ -68,7 +68,7 @@ def open_judges(data: Dataset, folder: Path, plan: Plan, say: Callable[[str], No
         evaluators.append(judge)
     classifier = _classifier(data, folder / CONTENTS, plan, say)
     say("judging held-out clips")
-    digests = {judge.name: file_digest(folder / judge.about.kind / JUDGE) for judge in evaluators}
+    digests: dict[str, str] = {judge.name: file_digest(folder / judge.about.kind / JUDGE) for judge in evaluators}
     if classifier is None:
         return Judges(tuple(evaluators), None, None, {}, digests)
     digests["contents"] = file_digest(folder / CONTENTS)

@@ -112,15 +112,15 @@ def content_figures(found: Found, judges: Judges, shown: Shown) -> None:
     by_content: dict[str, list[bool]] = {}
     for (_, content, _), good in zip(shown.contents, right, strict=True):
         by_content.setdefault(content, []).append(good)
-    shares = [(sum(g), len(g)) for g in by_content.values()]
+    shares = [(sum(each), len(each)) for each in by_content.values()]
     macro, half = _macro(shares)
     real, _ = _macro([judges.real_contents[content] for content in by_content])
     low, high, n = max(0.0, macro - half), min(1.0, macro + half), len(right)
     found.figures.append(Figure(CONTENT, RIGHT, macro, low, high, n, "", "more"))
     if real > 0:
         found.figures.append(Figure(CONTENT, OF_REAL, macro / real, low / real, high / real, n, "", "more"))
-    for content, good in by_content.items():
-        found.share("content by content", content, sum(good), len(good))
+    for content, answers in by_content.items():
+        found.share("content by content", content, sum(answers), len(answers))
     texts = [f"{text} [{content}]" for text, content, _ in shown.contents]
     found.each(CONTENT, "right", texts, [float(g) for g in right], "more", share=True)
 

@@ -77,7 +77,9 @@ def _baseline(name: str, data: Dataset) -> Generator:
 
 
 def _of_folder(folder: Path) -> Opened:
-    motions, captions, licences = [], [], set()
+    motions: list[Motion] = []
+    captions: list[str] = []
+    licences: set[str] = set()
     files = find_clips(f"folder:{folder}")
     for file in files:
         try:
