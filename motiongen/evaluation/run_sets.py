@@ -10,7 +10,7 @@ from motiongen.captions import kept_for_testing
 from motiongen.data.dataset import Dataset
 from motiongen.evaluation.contents import clips_of
 from motiongen.evaluation.language_prompts import Prompt, prompts
-from motiongen.evaluation.metrics import BATCH
+from motiongen.evaluation.metrics import BATCH, draw_batches
 from motiongen.evaluation.protocol import Clips
 from motiongen.evaluation.run_results import ResultsError
 from motiongen.evaluation.sanity import held_out
@@ -45,7 +45,7 @@ FULL = Plan(
     content_steps=1500,
 )
 QUICK = Plan(
-    clips=64,
+    clips=128,
     again_texts=4,
     again_times=10,
     content=1,
@@ -83,13 +83,14 @@ def make_sets(data: Dataset, contents: list[str], plan: Plan, seed: int, *, styl
     ask for what cannot be judged are left out.
 
     A clip's seconds are those of the held-out clip in whole numbers, up to the 8 s that evaluators see. Raises
-    ResultsError as `require_held_out`.
+    ResultsError as `require_held_out`, ValueError where fewer than 32 of the clips are different.
     """
     require_held_out(data)
     tested = held_out(data, seed=seed)
     count = min(plan.clips, len(tested.captions) // 2)
     order = np.random.default_rng(seed).permutation(len(tested.captions))
     asked = _some(tested, order[count : 2 * count])
+    draw_batches(asked.labels, np.random.default_rng(seed))  # too few different ones are told before any work
     seconds = tuple(float(np.clip(round(m.duration), MIN_SECONDS, MOST_SECONDS)) for m in asked.motions)
     judged = [p for p in prompts(plan.language, seed) if (contents or not p.content) and (styles or not p.style)]
     return Sets(
