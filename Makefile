@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
-CORPUS ?= runs/corpus.npz
+RUNS ?= runs
 
 .PHONY: install demo test check bench results wheel clean
 
@@ -26,11 +26,10 @@ check: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python benchmarks/cold_start.py --quick
-	@if [ -f $(CORPUS) ]; then $(BIN)/python benchmarks/semantics.py $(CORPUS) --quick; \
-	else echo "semantics: skipped, no $(CORPUS) (python -m motiongen.corpus builds it from the motion capture)"; fi
+	$(BIN)/python benchmarks/evaluation.py --quick
 
 results: $(STAMP)
-	$(BIN)/python benchmarks/results.py $(CORPUS)
+	$(BIN)/python benchmarks/results.py $(RUNS)
 
 wheel: $(STAMP)
 	rm -rf dist

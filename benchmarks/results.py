@@ -1,96 +1,185 @@
-# ruff: noqa: E501 (the tables of a page have long rows)
-"""Run the benchmarks and write what they print into docs/results.md and the model card.
+"""Measure everything and write docs/results.md and the model card: no figure on those pages was typed.
 
-python benchmarks/results.py runs/corpus.npz [--quick]
+python benchmarks/results.py runs [--quick]
+
+Builds the data set in runs/data where it is not there yet (from the motion capture in RIGCAST_MOTION_DATA), trains the
+evaluators, evaluates; what was done before is not done again.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import tyro
 
+sys.path.insert(0, str(Path(__file__).parent))
+from evaluation import targets, text
+
+from motiongen.candidates import DEFAULT_CANDIDATES
+from motiongen.evaluation.compare import Comparison, compare
+from motiongen.evaluation.report_table import BY_CONTENT, cell, headings, table_rows
+from motiongen.evaluation.run_results import Results, Subject, read_results
 from motiongen.features import FPS
+from motiongen.files import replacing
 from motiongen.weights import FOLDER, load_weights
 
 ROOT = Path(__file__).parent.parent
+MODEL = "mdm"
+SUBJECTS = ("real", MODEL, "gestures", "retrieval", "mean-pose", "noise")
+RIG = "puppet"
 
 
-def main(corpus: Annotated[Path, tyro.conf.Positional] = Path("runs/corpus.npz"), quick: bool = False) -> None:
-    """Run every benchmark of the project and write the pages."""
+def main(runs: Annotated[Path, tyro.conf.Positional] = Path("runs"), quick: bool = False) -> None:
+    """Build, evaluate, and write the pages."""
     shorter = ["--quick"] if quick else []
-    semantics = _run("semantics.py", str(corpus), *shorter)
-    cold = _run("cold_start.py", *shorter)
-    demo = _demo()
-    when = f"{datetime.now(UTC):%Y-%m-%d}, {_machine()}{', --quick' if quick else ''}"
-    _write(ROOT / "docs/results.md", _results(semantics, cold, demo, when))
-    _write(ROOT / "docs/model-card.md", _card(semantics, when))
+    data, out = runs / "data", runs / "results"
+    _rigcast("data", "build", *_sources(), "--out", str(data))
+    shared = ["--data", str(data), "--evaluators", str(out / "evaluators"), *shorter]
+    _rigcast("eval", *SUBJECTS, *shared, "--out", str(out), "--rig", RIG)
+    best = runs / "results-candidates"
+    _rigcast("eval", MODEL, *shared, "--out", str(best), "--rig", RIG, "--candidates", str(DEFAULT_CANDIDATES))
+    single, several = (read_results(folder / "results.json") for folder in (out, best))
+    cold = json.loads(_run(sys.executable, str(ROOT / "benchmarks/cold_start.py"), "--json", *shorter))
+    _write(ROOT / "docs/results.md", results_page(single, several, cold, _demo(), quick=quick))
+    _write(ROOT / "docs/model-card.md", card(single, several))
 
 
-def _run(name: str, *args: str) -> dict[str, Any]:
-    print(f"{name} {' '.join(args)} …", file=sys.stderr)
-    done = subprocess.run(
-        [sys.executable, str(ROOT / "benchmarks" / name), *args, "--json"],
-        check=True,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+def _sources() -> list[str]:
+    where = os.environ.get("RIGCAST_MOTION_DATA")
+    if where is None:
+        raise SystemExit("RIGCAST_MOTION_DATA is not set: the folder with Bandai-Namco's and CMU's BVH files")
+    return [f"bandai-namco:{where}", f"cmu:{where}", "gestures:5000", "composed:2500"]
+
+
+def _rigcast(*args: str) -> None:
+    subprocess.run([sys.executable, "-m", "rigcast", *args], check=True)
+
+
+def _run(*command: str, cwd: str | None = None) -> str:
+    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=cwd).stdout
 
 
 def _demo() -> str:
     """What `rigcast demo` prints."""
-    print("rigcast demo …", file=sys.stderr)
     with tempfile.TemporaryDirectory() as room:
-        done = subprocess.run(
-            [sys.executable, "-m", "rigcast", "demo"], cwd=room, check=True, stdout=subprocess.PIPE, text=True
+        printed = _run(sys.executable, "-m", "rigcast", "demo", cwd=room)
+    return "\n".join(line.rstrip() for line in printed.rstrip().splitlines())
+
+
+def _write(path: Path, page: str) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def _by_name(results: Results, name: str) -> Subject:
+    return next(subject for subject in results.subjects if subject.name == name)
+
+
+def _together(single: Results, several: Results) -> Results:
+    """One table of both runs, the model with candidates beside the model without."""
+    at = [subject.name for subject in single.subjects].index(MODEL) + 1
+    subjects = (*single.subjects[:at], *several.subjects, *single.subjects[at:])
+    return msgspec.structs.replace(single, subjects=subjects)
+
+
+def _table(results: Results) -> str:
+    names = headings(results)
+    rows = [
+        f"| **{row.cells[0]}** |{' |' * (len(names) - 1)}" if row.heading else _line(row.cells)
+        for row in table_rows(results)
+    ]
+    return "\n".join((_line(names), "|---|" + "---:|" * (len(names) - 1), *rows))
+
+
+def _line(cells: tuple[str, ...]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _contents(results: Results, names: tuple[str, ...]) -> str:
+    """Content by content, for some subjects."""
+    subjects = [_by_name(results, name) for name in names]
+    contents = [figure.name for figure in subjects[-1].figures if figure.group == BY_CONTENT]
+    rows = [_line((c, *(cell(subject.figure(BY_CONTENT, c)) for subject in subjects))) for c in contents]
+    return "\n".join((_line(("content", *names)), "|---|" + "---:|" * len(names), *rows))
+
+
+def _targets(results: Results) -> str:
+    return "\n".join(text(line).partition(" ")[2].strip() for line in targets(results, MODEL))
+
+
+def _compared(found: Comparison) -> str:
+    rows = [
+        _line(
+            (
+                f"{r.group}: {r.name}",
+                str(r.n),
+                f"{r.a:.3g}",
+                f"{r.b:.3g}",
+                f"{r.low:+.2g} … {r.high:+.2g}",
+                f"{r.p:.2g}",
+                r.verdict,
+            )
         )
-    return "\n".join(line.rstrip() for line in done.stdout.rstrip().splitlines())
+        for r in found.rows
+    ]
+    return "\n".join(
+        (_line(("measure", "prompts", found.a, found.b, "difference", "p", "")), "|---|" + "---:|" * 5 + "---|", *rows)
+    )
 
 
-def _machine() -> str:
-    return f"{platform.machine()} {platform.system()}, {os.cpu_count()} cores, no GPU used"
-
-
-def _write(path: Path, text: str) -> None:
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
-
-
-def _by_content(s: dict[str, Any]) -> str:
-    rows = [f"| {c} | {v['real']:.0%} | {v['generated']:.0%} |" for c, v in s["by_content"].items()]
-    total = f"| **macro average** | **{s['real']:.1%}** | **{s['generated']:.1%}** |"
-    return "\n".join(["| content | real clips | generated |", "|---|---:|---:|", *rows, total])
-
-
-def _results(s: dict[str, Any], cold: dict[str, Any], demo: str, when: str) -> str:
+def results_page(single: Results, several: Results, cold: dict[str, Any], demo: str, *, quick: bool) -> str:
+    """docs/results.md."""
     split = "\n".join(f"| {name} | {seconds:.2f} |" for name, seconds in cold["split_s"].items())
+    both = _together(single, several)
+    rival = _by_name(single, "retrieval")  # some targets are held against it
+    beside = msgspec.structs.replace(several, subjects=(*several.subjects, rival))
+    best = compare(single, _by_name(single, MODEL), several, _by_name(several, MODEL))
+    plan, most = single.plan, DEFAULT_CANDIDATES
+    note = ", with `--quick`: few prompts, wide intervals" if quick else ""
     return f"""# Results
 
-Written by `python benchmarks/results.py` on {when}. Every figure is printed by a script in `benchmarks/`.
+Written by `make results` on {single.date}, {single.machine}{note}. No figure here was typed.
 
-## Does the motion show what the text says?
+## What comes of a text?
 
-`benchmarks/semantics.py`: a classifier trained on real clips judges {s["clips"]} clips generated from captions that no
-model was trained on, and {s["real_held_out_clips"]} held-out real ones (half of them mirror images). Generated over
-real, macro-averaged over contents with at least 12 clips: **{s["ratio"]:.3f}** (target 0.75) with {s["steps"]} passes of
-{s["sampler"]}. The rare contents have four held-out clips each, so the judge is weak there; over the contents with at
-least 100 clips alone the ratio is {s["ratio_common"]:.3f}.
+`rigcast eval`, on up to {plan["clips"]} held-out captions and {plan["language"]} prompts a category of the language
+tests; ± is half of the 95 % interval. [evaluation.md](evaluation.md) says what each measure is. `real` are held-out
+clips: the ceiling. `best of {most}` draws up to {most} motions and keeps the one that measures right, as `rigcast say`
+does. `retrieval` is the training clip with the nearest caption. A prompt that a generator refuses counts as wrong, and
+as nobody moving: {_refusals(single)}.
 
-{_by_content(s)}
+{_table(both)}
 
-Warned as unfamiliar: {s["warned_in_scope"]:.1%} of those captions, {s["warned_out_of_scope"]:.1%} of prompts about
-something else.
+## Against the targets
+
+`benchmarks/evaluation.py`, `{MODEL}` alone:
+
+```
+{_targets(single)}
+```
+
+and the best of {most}:
+
+```
+{_targets(beside)}
+```
+
+## What do candidates gain?
+
+Prompt by prompt (`rigcast eval compare`), one drawn against the best of up to {most}. {best.sentence}
+
+{_compared(best)}
+
+## Content by content
+
+{_contents(single, ("real", MODEL))}
 
 ## How long until something moves?
 
@@ -113,42 +202,48 @@ through the maker's SDK and a serial path. The error is that of each servo again
 """
 
 
-def _card(s: dict[str, Any], when: str) -> str:
-    w = load_weights(FOLDER / "mdm.safetensors")
+def _refusals(results: Results) -> str:
+    return ", ".join(f"{s.name} {s.refused}" for s in results.subjects if s.refused) or "none did"
+
+
+def card(single: Results, several: Results) -> str:
+    """docs/model-card.md."""
+    file = FOLDER / f"{MODEL}.safetensors"
+    w = load_weights(file)
     millions = sum(v.size for v in w.tensors.values()) / 1e6
-    lengths = "; ".join(f"{c} {t:g} s" for c, t in zip(w.bank.contents, w.bank.seconds, strict=True))
-    return f"""# Model card: `mdm`
+    lines = targets(single, MODEL)
+    both = _together(single, several)
+    shown = msgspec.structs.replace(
+        both, subjects=tuple(s for s in both.subjects if s.name in ("real", MODEL, "retrieval"))
+    )
+    short = "; ".join(line.name for line in lines if not line.holds) or "none"
+    about = "\n".join(f"| {name} | {value} |" for name, value in w.training.items())
+    return f"""# Model card: `{MODEL}`
 
 Text to human motion by diffusion, after the Motion Diffusion Model (Tevet et al. 2022): a transformer in decoder form
 ({millions:.2f} M parameters, {w.patch} frames a token, {w.heads} heads) that predicts the clean motion and listens to
-every word by cross-attention. Written by `python benchmarks/results.py` on {when}.
+every word by cross-attention. Written by `make results` on {single.date}, {single.machine}; no figure here was typed.
 
 | | |
 |---|---|
-| File | `motiongen/weights/mdm.safetensors`, half precision, {(FOLDER / "mdm.safetensors").stat().st_size / 1e6:.2f} MB, digest `{w.digest}` |
-| Licence of the weights | {w.licence}: not for commercial use |
-| Data | {w.training["data"]}, {w.training["clips"]} clips and their mirror images; one in eight held out |
-| Captions | made from content and style by a grammar; one phrasing in ten kept for testing |
-| Training | {w.training["steps"]} steps of {w.training["batch"]} crops of 3 to 6 s, AdamW, EMA 0.999, seed {w.training["seed"]}; `python -m motiongen.train` |
-| Noise | cosine schedule in continuous time; {s["steps"]} passes of DPM-Solver++(2M), guidance {s["guidance"]}, both guidance passes in one batch |
-| Output | 22 joints of SMPL at {FPS:g} frames/s, 1 to 60 s; beyond 6 s window by window |
+| file | `motiongen/weights/{file.name}`, half precision, {file.stat().st_size / 1e6:.2f} MB, digest `{w.digest}` |
+| licence of the weights | {w.licence} |
+{about}
+| output | 22 joints of SMPL at {FPS:g} frames/s, 1 to 60 s; beyond {w.window / FPS:g} s window by window |
 
-## What it can do
+## What it can do, and how well
 
-Content right for {s["generated"]:.1%} of clips from captions never trained on, against {s["real"]:.1%} for held-out real
-clips by the same judge: {s["ratio"]:.3f} of real; {s["ratio_common"]:.3f} over the contents with at least 100 clips.
+Beside held-out real clips, and the training clip with the nearest caption. [results.md](results.md) has the rest.
 
-{_by_content(s)}
+{_table(shown)}
 
 ## What it cannot
 
-It knows {len(w.bank.contents)} contents and nothing else: {", ".join(w.bank.contents)}. Of those, call, respond, kick,
-punch, slash and dance were seen in one or two clips each. Counts, angles and sequences ("three times", "then") are not
-understood. A prompt far from its captions (cosine under {w.bank.known}) is warned about; prompts about something else are
-caught in {s["warned_out_of_scope"]:.0%} of the cases tried, and {s["warned_in_scope"]:.1%} of good ones are warned about
-for nothing. The data show three professional actors of one build; other ways of moving are not in it.
+Targets that it falls short of, one motion drawn for a prompt: {short}.
 
-Usual lengths, taken where no `--seconds` is given: {lengths}.
+It was trained on {len(w.bank.contents)} contents and sources: {", ".join(w.bank.contents)}. What is far from its
+captions (cosine under {w.bank.known}) is warned about; the table says how often rightly. The motion capture behind it
+shows few actors of one build; other ways of moving are not in it.
 """
 
 

@@ -33,7 +33,7 @@ class MdmGenerator:
         self._weights = load_weights(path or FOLDER / "mdm.safetensors")
         self._encoder = TextEncoder()
         self._sample, self._steps = SAMPLERS[sampler], steps
-        self.licence, self.digest = self._weights.licence, self._weights.digest
+        self.licence, self.digest, self.passes = self._weights.licence, self._weights.digest, steps
 
     def familiarity(self, text: str) -> Familiarity:
         """How close `text` is to the training captions; raises PromptError for a text that nobody could follow."""

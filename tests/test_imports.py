@@ -26,7 +26,7 @@ LIGHT = (
     "retarget.files",
     "sim.report",
 )
-VERBS = ("say", "play", "check", "view", "drive", "bus", "demo", "data", "listing")
+VERBS = ("say", "play", "check", "view", "drive", "bus", "demo", "data", "evaluate", "listing")
 
 
 def modules(folder: str) -> list[str]:
