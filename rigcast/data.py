@@ -25,7 +25,7 @@ def build(sources: Positional[tuple[str, ...]], /, *, out: Path, jobs: int | Non
 
     Args:
         sources: bandai-namco:FOLDER, cmu:FOLDER (with index.csv), humanml3d:FOLDER, kit-ml:FOLDER, folder:FOLDER (with
-            captions.csv or captions.jsonl) or gestures:COUNT, any number of them; see docs/data.md.
+            captions.csv or captions.jsonl), gestures:COUNT, composed:COUNT, any number of them; see docs/data.md.
         out: Folder of the data set.
         jobs: Processes that read clips; as many as there are cores where it is not said.
     """
