@@ -37,7 +37,7 @@ def phrases_of(captions: Iterable[str]) -> Phrases:
 
     Raises ValueError where there is none in the third person.
     """
-    captions = tuple(captions)
+    captions = tuple(caption.rstrip("?!") for caption in captions)
     third = [found[1] for caption in captions if (found := _THIRD.fullmatch(caption))]
     plain = [found[1] for caption in captions if (found := _ASKED.fullmatch(caption))]
     phrases = Phrases(*(_simple(said) for said in (third, plain)))
