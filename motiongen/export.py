@@ -22,7 +22,7 @@ from motiongen.nn import Floats, Tensors
 from motiongen.say_numbers import has_number
 from motiongen.weights import Bank, Weights, load_weights, save_weights
 
-# Between phrasings kept for testing and prompts about something else; `rigcast eval` prints both shares.
+# Between phrasings kept for testing and prompts about something else; `benchmarks/semantics.py` prints both shares.
 KNOWN = 0.54
 ENDLESS_S = 6.0  # what goes on for as long as one likes is drawn this long where nobody says how long
 BANK = 1100  # captions by which a text is told to be known: what fits beside the network into 10 MB
