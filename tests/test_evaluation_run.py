@@ -27,7 +27,16 @@ from motiongen.generator import PromptError
 from motiongen.motion import SMPL_JOINTS, Motion
 from rigcast.__main__ import main
 
-PLAN = Plan(clips=34, again_texts=2, again_times=10, content=2, language=1, gate=3, judge_steps=1, content_steps=1)
+PLAN = Plan(
+    clips=34,
+    again_texts=2,
+    again_times=10,
+    content=2,
+    language=1,
+    gate=3,
+    judge_steps={"guo": 1, "tmr": 1},
+    content_steps=1,
+)
 
 
 class ByLength:
@@ -96,6 +105,9 @@ def test_figures_are_those_that_the_judges_answers_come_to(evaluated: Any) -> No
     assert value(real, "content", "right, macro average") == 0.5
     assert value(still, "content", "share of real clips' score") == pytest.approx(0.5 / 0.9)
     assert value(still, "content by content", "nod") == 0.0
+    # Two of two and none of two: variances at 3/4 and 1/4, both 3/16 over two prompts.
+    macro = still.figure("content", "right, macro average")
+    assert macro.high - macro.value == pytest.approx(1.96 * (2 * 3 / 16 / 2) ** 0.5 / 2)
     assert value(still, "motion", "foot skate") == 0.0
     assert value(still, "gate", "passes on rig, stand") == pytest.approx(2 / 3)
     assert value(still, "language", "counts") == 0.0

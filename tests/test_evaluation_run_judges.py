@@ -15,7 +15,7 @@ from motiongen.evaluation.judge import JudgeError
 from motiongen.evaluation.run_judges import CONTENTS, Judges, open_judges
 from motiongen.evaluation.run_sets import QUICK
 
-PLAN = replace(QUICK, judge_steps=1, content_steps=2)
+PLAN = replace(QUICK, judge_steps={"guo": 1, "tmr": 1}, content_steps=2)
 
 
 @pytest.fixture(scope="module")

@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.progress import track
+from rich.progress import Progress
 
 from motiongen.data.dataset import Dataset
+from motiongen.data.texts import data_texts
 from motiongen.features import CONTACTS, FPS, PLANAR, YAW, features_to_motion
 from motiongen.generator import Familiarity, PromptError, check_prompt
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from motiongen.text import TextEncoder
 
-PER_CLIP = 4  # captions of a clip, and as many of its mirror image, that are compared
 KNOWN = 0.50  # cosine from which a text counts as known, as for the model in the tree
 USUAL_S = 4.0
-_BATCH = 64
 
 
 class Retrieval:
@@ -33,14 +32,17 @@ class Retrieval:
         for i, entry in enumerate(dataset.entries):
             if entry.split == "train":
                 for mirrored in (False, True):
-                    for caption in dataset.captions(i, mirrored)[:PER_CLIP]:
+                    for caption in dataset.captions(i, mirrored):
                         self._clips.setdefault(caption, []).append((i, mirrored))
         if not self._clips:
             raise PromptError(f"{dataset.folder}: no clips in its training split to find one among")
-        self._captions = sorted(self._clips, key=len)  # those of a length go through the encoder together
-        starts = track(range(0, len(self._captions), _BATCH), "reading captions", console=Console(stderr=True))
-        parts = [self._encoder(self._captions[start : start + _BATCH])[2] for start in starts]
-        self._vectors: NDArray[np.float32] = np.concatenate(parts)
+        self._captions = sorted(self._clips)
+        with Progress(console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task("reading captions")
+            texts = data_texts(
+                dataset, self._captions, progress=lambda done, of: bar.update(task, completed=done, total=of)
+            )
+        self._vectors = texts.sentences(self._captions)
         self.licence = "; ".join(sorted({entry.licence for entry in dataset.entries}))
 
     def familiarity(self, text: str) -> Familiarity:

@@ -61,10 +61,10 @@ def open_judges(data: Dataset, folder: Path, plan: Plan, say: Callable[[str], No
     for kind in get_args(Kind):
         path = folder / kind / JUDGE
         judge = load_judge(path) if path.is_file() else None
-        if judge is None or judge.about.steps < plan.judge_steps:
+        if judge is None or judge.about.steps < plan.judge_steps[kind]:
             say(f"training the evaluator {kind}")
             with redirect_stdout(sys.stderr):
-                judge = train(data, folder / kind, TrainConfig(kind=kind, steps=plan.judge_steps))
+                judge = train(data, folder / kind, TrainConfig(kind=kind, steps=plan.judge_steps[kind]))
         evaluators.append(judge)
     classifier = _classifier(data, folder / CONTENTS, plan, say)
     say("judging held-out clips")

@@ -126,10 +126,13 @@ def content_figures(found: Found, judges: Judges, shown: Shown) -> None:
 
 
 def _macro(shares: Sequence[tuple[int, int]]) -> tuple[float, float]:
-    """Mean of shares (right, of how many), and half its 95 % interval: shares are independent binomials."""
-    p = np.array([right / n for right, n in shares])
-    variance = p * (1 - p) / np.array([n for _, n in shares])
-    return float(p.mean()), float(1.96 * np.sqrt(variance.sum()) / len(p))
+    """Mean of shares (right, of how many), and half its 95 % interval: shares are independent binomials.
+
+    Their variance is taken at (right + 1) / (n + 2), or one right answer of one would count as certain.
+    """
+    right, n = np.array(shares, float).T
+    p = (right + 1) / (n + 2)
+    return float((right / n).mean()), float(1.96 * np.sqrt((p * (1 - p) / n).sum()) / len(n))
 
 
 def language_figures(found: Found, judges: Judges, shown: Shown) -> None:

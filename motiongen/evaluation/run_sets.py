@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from motiongen.captions import kept_for_testing
 from motiongen.data.dataset import Dataset
 from motiongen.evaluation.contents import clips_of
+from motiongen.evaluation.judge import Kind
 from motiongen.evaluation.language_prompts import Prompt, prompts
 from motiongen.evaluation.metrics import BATCH, draw_batches
 from motiongen.evaluation.protocol import Clips
@@ -30,18 +32,18 @@ class Plan:
     content: int
     language: int
     gate: int
-    judge_steps: int
+    judge_steps: Mapping[Kind, int]
     content_steps: int
 
 
 FULL = Plan(
     clips=500,
-    again_texts=100,
-    again_times=30,
+    again_texts=30,
+    again_times=20,
     content=10,
     language=200,
     gate=40,
-    judge_steps=1000,
+    judge_steps={"guo": 1200, "tmr": 600},
     content_steps=1500,
 )
 QUICK = Plan(
@@ -51,7 +53,7 @@ QUICK = Plan(
     content=1,
     language=10,
     gate=5,
-    judge_steps=60,
+    judge_steps={"guo": 60, "tmr": 60},
     content_steps=150,
 )
 
