@@ -72,7 +72,7 @@ class Results(msgspec.Struct, frozen=True):
     machine: str
     data: str
     data_digest: str
-    plan: dict[str, int]
+    plan: dict[str, int | dict[str, int]]
     seed: int
     judges: dict[str, str]
     texts: dict[str, tuple[str, ...]]
