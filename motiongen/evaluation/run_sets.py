@@ -43,7 +43,7 @@ FULL = Plan(
     content=10,
     language=200,
     gate=40,
-    judge_steps={"guo": 1200, "tmr": 600},
+    judge_steps={"guo": 700, "tmr": 600},
     content_steps=1500,
 )
 QUICK = Plan(
