@@ -41,5 +41,5 @@ def dataset(folder: Path, tested: int = 70, trained: int = 0, contents: tuple[st
             )
         )
     mean = tuple(map(float, rows.mean(0, dtype=float)))
-    head = Head(1, (), len(entries), True, mean, (1.0,) * rows.shape[1])
+    head = Head(1, (), len(entries), finished=True, mean=mean, std=(1.0,) * rows.shape[1])
     return Dataset(folder, head, tuple(entries), (), (0,) * len(entries), (rows,))

@@ -210,7 +210,6 @@ def test_training_learns_and_goes_on_from_a_checkpoint(
     kind, data, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("motiongen.evaluation.train.default_config", SMALL.__getitem__)
-    monkeypatch.setattr("motiongen.evaluation.batches.CAPTIONS", 1)
     config = TrainConfig(kind, steps=30, batch=16, warm_up=3, save_every=15)
     whole = train(data, tmp_path / "whole", config)
     monkeypatch.setattr("motiongen.evaluation.train._schedule", lambda step, _: _whole_schedule(step, config))
