@@ -270,7 +270,7 @@ def test_a_discriminant_tells_what_differs() -> None:
 
 
 @pytest.fixture(scope="module")
-def data() -> Dataset:
+def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """Eight performances each of a bow, a nod and a wave with the left hand, all of the training split."""
     entries, parts, start = [], [], 0
     for name, text, other in (("bow", "bow", "bow"), ("nod", "nod", "nod"), ("wave", "wave left", "wave right")):
@@ -297,8 +297,9 @@ def data() -> Dataset:
             )
             start += len(parts[-1])
     rows = np.concatenate(parts)
-    head = Head(1, ("gestures",), len(entries), True, tuple(rows.mean(0, float).tolist()), tuple(rows.std(0, float)))
-    return Dataset(Path("made up"), head, tuple(entries), (), (0,) * len(entries), (rows,))
+    mean, std = (tuple(y.tolist()) for y in (rows.mean(0, float), rows.std(0, float)))
+    head = Head(1, ("gestures",), len(entries), finished=True, mean=mean, std=std)
+    return Dataset(tmp_path_factory.mktemp("data"), head, tuple(entries), (), (0,) * len(entries), (rows,))
 
 
 def test_retrieval_finds_the_clip_of_a_caption(data: Dataset) -> None:
