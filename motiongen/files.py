@@ -134,7 +134,10 @@ def notes_to_json(labels: tuple[Label, ...], source: Source) -> str:
 
 def notes_from_json(text: str) -> tuple[tuple[Label, ...], Source]:
     """Undo `notes_to_json`. Raises ValueError, KeyError or TypeError where `text` is something else."""
-    notes = json.loads(text)
+    try:
+        notes = json.loads(text)
+    except RecursionError:
+        raise ValueError("its notes are nested too deeply") from None
     labels = tuple(Label(n["start_s"], n["end_s"], n["text"], tuple(n["parts"])) for n in notes["labels"])
     return labels, Source(**notes["source"])
 

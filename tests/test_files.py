@@ -213,6 +213,7 @@ def damaged(path: Path, **changed: object) -> Path:
         ({"kind": "trajectory"}, "holds a trajectory, expected a motion"),
         ({"joint_quat": np.zeros((7, 22, 4))}, "length 0, not 1"),
         ({"names": np.array("pelvis")}, "m.npz: "),
+        ({"notes": "[" * 5000}, "nested too deeply"),
     ],
 )
 def test_a_bad_motion_file_is_one_line(tmp_path: Path, changed: dict[str, object], words: str) -> None:
