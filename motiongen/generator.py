@@ -60,7 +60,7 @@ def check_prompt(text: str, seconds: float | None = None) -> str:
 def list_generators() -> dict[str, str]:
     """Generators by name, and a line on each."""
     return {
-        "mdm": "text to motion by diffusion (MDM, decoder form), trained on Bandai-Namco motion capture",
+        "mdm": "text to motion by diffusion (MDM, decoder form), trained on motion capture and gestures",
         "gestures": "hand-written gestures found by their names: nod, clap three times, bow 30 degrees; no weights",
     }
 

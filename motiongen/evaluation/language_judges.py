@@ -1,7 +1,7 @@
 """Judges of what cannot be measured by rule: content and style, told by linear discriminants of a clip's statistics.
 
 They learn from the training split of a data set and its mirror images, in seconds, without torch. What they are worth
-is their accuracy on held-out clips (`python -m motiongen.evaluation.language_ruler`).
+is their accuracy on held-out clips (`python -m motiongen.evaluation.language --generator real`).
 """
 
 from __future__ import annotations
