@@ -7,6 +7,7 @@ that was asked can be measured, it is kept and no other is drawn.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -23,10 +24,15 @@ SKATE_STEP = 0.05  # share of foot skate within which two candidates slide alike
 
 @runtime_checkable
 class BatchGenerator(Protocol):
-    """A generator that draws several motions together, text i from `seed` + i: cheaper than one after another."""
+    """A generator that draws several motions together, text i from `seed` + i or `seed[i]`: cheaper than in turn."""
 
     def generate_batch(
-        self, texts: list[str], *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
+        self,
+        texts: list[str],
+        *,
+        seconds: float | None = None,
+        seed: int | Sequence[int] = 0,
+        guidance: float | None = None,
     ) -> list[Motion]: ...
 
 
@@ -63,8 +69,22 @@ def choose(
     """
     if not 1 <= candidates <= MOST:
         raise PromptError(f"{candidates} candidates; 1 to {MOST} are possible")
-    asked = asked_of(text)
     first = generator.generate(text, seconds=seconds, seed=seed, guidance=guidance)
+    return choose_from(first, generator, text, candidates=candidates, seconds=seconds, seed=seed, guidance=guidance)
+
+
+def choose_from(
+    first: Motion,
+    generator: Generator,
+    text: str,
+    *,
+    candidates: int,
+    seconds: float | None = None,
+    seed: int = 0,
+    guidance: float | None = None,
+) -> Choice:
+    """`choose` where candidate 0 has been drawn already."""
+    asked = asked_of(text)
     if asked is None or candidates == 1:
         return Choice(first, 0, 1, "", True)
     if holds(asked, observe(first)):

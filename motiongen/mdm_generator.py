@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -49,9 +50,14 @@ class MdmGenerator:
         return self.generate_batch([text], seconds=seconds, seed=seed, guidance=guidance)[0]
 
     def generate_batch(
-        self, texts: list[str], *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
+        self,
+        texts: list[str],
+        *,
+        seconds: float | None = None,
+        seed: int | Sequence[int] = 0,
+        guidance: float | None = None,
     ) -> list[Motion]:
-        """One motion a text, drawn together; text i of a batch is drawn from seed + i."""
+        """One motion a text, drawn together; text i from seed + i, or from `seed[i]` where there is one for each."""
         scale = GUIDANCE if guidance is None else guidance
         if not math.isfinite(scale):
             raise ValueError(f"guidance must be a number, not {guidance}")
@@ -59,8 +65,9 @@ class MdmGenerator:
         said = self._encoder(texts)
         usual = np.clip(usual_seconds(self._weights.lengths, said[2]), MIN_SECONDS, self._weights.window / FPS)
         counts = [round((seconds or each) * FPS) for each in usual.round(1)]
-        x = self._draw(said, np.array(counts), [seed + i for i in range(len(texts))], scale)
-        return [self._motion(x[i, :n], texts[i], seed + i) for i, n in enumerate(counts)]
+        seeds = list(range(seed, seed + len(texts))) if isinstance(seed, int) else list(seed)
+        x = self._draw(said, np.array(counts), seeds, scale)
+        return [self._motion(x[i, :n], texts[i], seeds[i]) for i, n in enumerate(counts)]
 
     def _draw(
         self, said: tuple[Floats, NDArray[np.bool_], Floats], counts: NDArray[np.int_], seeds: list[int], scale: float

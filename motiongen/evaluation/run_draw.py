@@ -16,7 +16,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from motiongen.candidates import BatchGenerator, choose
+from motiongen.candidates import BatchGenerator, choose, choose_from
 from motiongen.files import read_kind, write_npz
 from motiongen.generator import Generator, PromptError
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
@@ -84,9 +84,14 @@ def _draw_chunk(how: Drawing, asked: Sequence[tuple[str, float | None]], seed: i
 
 def _draw_alike(how: Drawing, texts: list[str], seconds: float | None, seed: int) -> list[Motion | None]:
     """Motions of equal length; text i from `seed` + i candidates further on."""
-    if how.candidates == 1 and isinstance(how.generator, BatchGenerator):
+    if isinstance(how.generator, BatchGenerator):
+        seeds = [seed + i * how.candidates for i in range(len(texts))]
         with suppress(PromptError):  # where one of them is refused, one by one tells which
-            return list(how.generator.generate_batch(texts, seconds=seconds, seed=seed))
+            first = how.generator.generate_batch(texts, seconds=seconds, seed=seeds)
+            return [
+                choose_from(motion, how.generator, text, candidates=how.candidates, seconds=seconds, seed=each).motion
+                for motion, text, each in zip(first, texts, seeds, strict=True)
+            ]
     return [_draw_one(how, text, seconds, seed + i * how.candidates) for i, text in enumerate(texts)]
 
 
