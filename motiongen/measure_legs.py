@@ -118,9 +118,10 @@ def jumps(motion: Motion, pelvis: Array, found: Feet) -> tuple[list[int], float]
         before, after = down[max(0, first - near) : first], down[last + 1 : last + 1 + near]
         if before.any(0).all() and after.any(0).all():
             tops.append(first + int(np.argmax(pelvis[first : last + 1, 2])))
-    if not tops:
+    both = down.all(1)
+    if not tops or not both.any():  # who never stands on both feet is running
         return [], 0.0
-    standing = float(np.quantile(pelvis[down.all(1), 2], 0.9))
+    standing = float(np.quantile(pelvis[both, 2], 0.9))
     return tops, max(0.0, float(pelvis[tops, 2].max()) - standing)
 
 

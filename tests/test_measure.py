@@ -15,6 +15,7 @@ from motiongen.bvh_write import write_bvh
 from motiongen.gestures.assemble import mirrored
 from motiongen.gestures.catalogue import gestures, perform
 from motiongen.measure import Measured, main, measure
+from motiongen.measure_legs import Feet, jumps
 from motiongen.motion import Motion, Skeleton
 from motiongen.say_numbers import clauses, in_words, with_numbers
 from motiongen.swings import smoothed, turnings
@@ -148,6 +149,13 @@ def test_one_frame_shows_nothing() -> None:
     found = measure(motions.stand(0))
     assert {name for name, value in asdict(found).items() if abs(value) > 1e-9} == set()
     assert clauses(found) == ()
+
+
+def test_who_never_stands_on_both_feet_does_not_jump() -> None:
+    """The left foot, the right one, a flight, and the same again: both leave and land together, but never stand so."""
+    stands = ([0, 9], [0, 9], [9, 0], [9, 0], *([9, 9],) * 6, [0, 9], [0, 9], [9, 0], [9, 0])
+    found = Feet((), np.zeros((14, 2), bool), np.array(stands, float), np.zeros((14, 2, 3)))
+    assert jumps(motions.stand(0.5), np.ones((14, 3)), found) == ([], 0.0)
 
 
 def test_a_skeleton_that_lacks_joints_is_refused() -> None:
