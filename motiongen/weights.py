@@ -103,7 +103,7 @@ def load_weights(path: Path) -> Weights:
             offsets,
             {k: v for k, v in tensors.items() if k.startswith("lengths.")},
             Bank(vectors, **bank),
-            metadata["licence"],
+            "; ".join(dict.fromkeys(metadata["licence"].split("; "))),  # clips made of others have those of all parts
             json.loads(metadata["training"]),
             sha256(path.read_bytes()).hexdigest()[:16],
         )
