@@ -145,7 +145,8 @@ def results_page(single: Results, several: Results, cold: dict[str, Any], demo: 
     note = ", with `--quick`: few prompts, wide intervals" if quick else ""
     return f"""# Results
 
-Written by `make results` on {single.date}, {single.machine}{note}. No figure here was typed.
+Written by `benchmarks/results.py` from runs of `rigcast eval` on {single.date}, {single.machine}{note}.
+No figure here was typed.
 
 ## What comes of a text?
 
@@ -222,7 +223,8 @@ def card(single: Results, several: Results) -> str:
 
 Text to human motion by diffusion, after the Motion Diffusion Model (Tevet et al. 2022): a transformer in decoder form
 ({millions:.2f} M parameters, {w.patch} frames a token, {w.heads} heads) that predicts the clean motion and listens to
-every word by cross-attention. Written by `make results` on {single.date}, {single.machine}; no figure here was typed.
+every word by cross-attention. Written by `benchmarks/results.py` on {single.date}, {single.machine}; no
+figure here was typed.
 
 | | |
 |---|---|
