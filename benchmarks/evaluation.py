@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import sqrtm
 
 from motiongen.evaluation import metrics
-from motiongen.evaluation.run_results import Results, Subject, read_results
+from motiongen.evaluation.run.results import Results, Subject, read_results
 
 CLIPS, QUICK_CLIPS = 400, 128
 EXACT = 1e-6
@@ -153,9 +153,9 @@ def _manifold(real: np.ndarray, made: np.ndarray) -> tuple[float, float]:
 def sane(folder: Path, evaluators: Path, clips: int) -> list[Line]:
     """Whether each evaluator tells real clips, shuffled captions and noise apart."""
     from motiongen.data.dataset import open_dataset
-    from motiongen.evaluation.judge import load_judge
+    from motiongen.evaluation.judges.judge import load_judge
+    from motiongen.evaluation.judges.sanity import held_out, sanity
     from motiongen.evaluation.protocol import Clips
-    from motiongen.evaluation.sanity import held_out, sanity
 
     held = held_out(open_dataset(folder))
     rows = np.random.default_rng(0).permutation(len(held.captions))[:clips]

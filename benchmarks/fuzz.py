@@ -19,10 +19,10 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from motiongen.amass import write_amass
-from motiongen.bvh_write import write_bvh
 from motiongen.files import save_motion
-from motiongen.humanml_files import humanml_positions, write_humanml, write_kit
+from motiongen.formats.amass import write_amass
+from motiongen.formats.bvh_write import write_bvh
+from motiongen.formats.humanml_npy import humanml_positions, write_humanml, write_kit
 from motiongen.motion import SMPL_JOINTS, Motion
 from motiongen.smpl import SMPL_SKELETON
 from retarget.files import save_trajectory

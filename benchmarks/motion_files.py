@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from fuzz import FORMATS, fuzz
 
-from motiongen.bvh import read_bvh
-from motiongen.bvh_write import write_bvh
 from motiongen.data.dataset import Dataset, open_dataset
-from motiongen.humanml import SMOOTHING, features_to_positions, positions_to_features
+from motiongen.formats.bvh import read_bvh
+from motiongen.formats.bvh_write import write_bvh
+from motiongen.formats.humanml import SMOOTHING, features_to_positions, positions_to_features
 
 REACH = round(4 * SMOOTHING)  # frames at the end whose smoothed heading knows that the stored joints lack their last
 CLIPS, QUICK_CLIPS = 200, 20

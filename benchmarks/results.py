@@ -23,12 +23,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 from evaluation import targets, text
 
 from motiongen.candidates import DEFAULT_CANDIDATES
+from motiongen.diffusion.weights import FOLDER, load_weights
 from motiongen.evaluation.compare import Comparison, compare
-from motiongen.evaluation.report_table import BY_CONTENT, cell, headings, table_rows
-from motiongen.evaluation.run_results import Results, Subject, read_results
+from motiongen.evaluation.report.table import BY_CONTENT, cell, headings, table_rows
+from motiongen.evaluation.run.results import Results, Subject, read_results
 from motiongen.features import FPS
 from motiongen.files import replacing
-from motiongen.weights import FOLDER, load_weights
 
 ROOT = Path(__file__).parent.parent
 MODEL = "mdm"

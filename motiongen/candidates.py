@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from motiongen.asking import asked_of
-from motiongen.claims import describe, holds, shortfall
 from motiongen.generator import Generator, PromptError
-from motiongen.measure import observe
+from motiongen.measure.clip import observe
 from motiongen.motion import Motion
+from motiongen.text.asking import asked_of
+from motiongen.text.claims import describe, holds, shortfall
 
 MOST = 64
 DEFAULT_CANDIDATES = 4  # each costs as much as the first, and is drawn only where the first is wrong

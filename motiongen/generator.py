@@ -77,6 +77,6 @@ def load_generator(name: str = "mdm") -> Generator:
         from motiongen.gestures.generator import GestureGenerator
 
         return GestureGenerator()
-    from motiongen.mdm_generator import MdmGenerator
+    from motiongen.diffusion.generator import MdmGenerator
 
     return MdmGenerator()

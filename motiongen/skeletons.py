@@ -53,7 +53,7 @@ BANDAI_NAMCO = SkeletonTable(
     licence="CC BY-NC 4.0 (Bandai-Namco Research Motiondataset)",
     foot_height=(0.117, 0.042),
 )  # fmt: skip
-# What `motiongen.bvh_write` writes: a T-pose whose joint frames all lie along the file's axes.
+# What `motiongen.formats.bvh_write` writes: a T-pose whose joint frames all lie along the file's axes.
 SMPL = SkeletonTable(
     joints={name: name for name in SMPL_JOINTS},
     axes=dict.fromkeys(SMPL_JOINTS, "LUF"),

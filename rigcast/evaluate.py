@@ -13,7 +13,7 @@ from tyro.conf import Positional
 from rigcast import show
 
 if TYPE_CHECKING:
-    from motiongen.evaluation.run_sets import Sets
+    from motiongen.evaluation.run.sets import Sets
     from motiongen.motion import Motion
 
 
@@ -45,11 +45,11 @@ def evaluate(
         json: Print results.json instead of a table.
     """
     from motiongen.data.dataset import open_dataset
-    from motiongen.evaluation.report import write_report
-    from motiongen.evaluation.run import evaluate as run
-    from motiongen.evaluation.run_results import write_results
-    from motiongen.evaluation.run_sets import FULL, QUICK
-    from motiongen.evaluation.run_show import Wish
+    from motiongen.evaluation.report.page import write_report
+    from motiongen.evaluation.run.evaluate import evaluate as run
+    from motiongen.evaluation.run.results import write_results
+    from motiongen.evaluation.run.sets import FULL, QUICK
+    from motiongen.evaluation.run.show import Wish
 
     if not subjects:
         raise ValueError("nothing to evaluate; name a subject, for example mdm or real")
@@ -136,8 +136,8 @@ def _progress() -> Iterator[Callable[[str, int, int], None]]:
 def _print_table(path: Path) -> None:
     from rich.markup import escape
 
-    from motiongen.evaluation.report_table import headings, table_rows
-    from motiongen.evaluation.run_results import read_results
+    from motiongen.evaluation.report.table import headings, table_rows
+    from motiongen.evaluation.run.results import read_results
 
     results = read_results(path)
     table = show.new_table(*headings(results), title=f"{results.data}, {results.date}, {results.machine}")

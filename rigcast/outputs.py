@@ -55,7 +55,7 @@ def _motion_npz(take: Take, path: Path) -> None:
 
 
 def _bvh(take: Take, path: Path) -> None:
-    from motiongen.bvh_write import write_bvh
+    from motiongen.formats.bvh_write import write_bvh
 
     write_bvh(_motion(take), path)
 
@@ -73,25 +73,25 @@ def _trajectory_npz(take: Take, path: Path) -> None:
 
 
 def _amass(take: Take, path: Path) -> None:
-    from motiongen.amass import write_amass
+    from motiongen.formats.amass import write_amass
 
     write_amass(_motion(take), path)
 
 
 def _humanml(take: Take, path: Path) -> None:
-    from motiongen.humanml_files import write_humanml
+    from motiongen.formats.humanml_npy import write_humanml
 
     write_humanml(_motion(take), path)
 
 
 def _kit(take: Take, path: Path) -> None:
-    from motiongen.humanml_files import write_kit
+    from motiongen.formats.humanml_npy import write_kit
 
     write_kit(_motion(take), path)
 
 
 def _glb(take: Take, path: Path) -> None:
-    from motiongen.gltf import write_glb
+    from motiongen.formats.gltf import write_glb
 
     write_glb(_motion(take), path)
 

@@ -50,7 +50,7 @@ def read(path: Path, rig: str | None = None, style: Style = "ours", fps: float |
         return read_robot_csv(path, style, body.name, body.joint_names(), fps)
     if path.suffix == ".npz" and "qpos" in npz_names(path):
         return load_trajectory(path)
-    from motiongen.reading import read_motion
+    from motiongen.formats.reading import read_motion
 
     return read_motion(path)
 

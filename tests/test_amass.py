@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from motiongen import files
-from motiongen.amass import WIDTHS, read_amass, write_amass
 from motiongen.files import FileError
+from motiongen.formats.amass import WIDTHS, read_amass, write_amass
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS
 from motiongen.smpl import SMPL_SKELETON
 

@@ -8,8 +8,8 @@ import motions
 import numpy as np
 import pytest
 
-from motiongen.bvh_write import write_bvh
-from motiongen.gltf import write_glb
+from motiongen.formats.bvh_write import write_bvh
+from motiongen.formats.gltf import write_glb
 from motiongen.motion import SMPL_JOINTS
 
 bpy = pytest.importorskip("bpy", reason="Blender's module bpy is not installed")

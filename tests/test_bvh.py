@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from motiongen.bvh import read_bvh
-from motiongen.bvh_raw import BvhError, read_raw
+from motiongen.formats.bvh import read_bvh
+from motiongen.formats.bvh_raw import BvhError, read_raw
 from motiongen.motion import SMPL_JOINTS
 from motiongen.skeletons import BANDAI_NAMCO
 

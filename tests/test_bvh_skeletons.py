@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from motiongen.bvh import canonical, forward, read_bvh
-from motiongen.bvh_raw import BvhError, RawBvh, read_raw
-from motiongen.bvh_write import write_bvh
-from motiongen.joint_names import match_joints
+from motiongen.formats.bvh import canonical, forward, read_bvh
+from motiongen.formats.bvh_raw import BvhError, RawBvh, read_raw
+from motiongen.formats.bvh_write import write_bvh
+from motiongen.formats.joint_names import match_joints
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Motion
 from motiongen.rotation import axis_angle_to_quat, quat_conj, quat_mul, quat_rotate, quat_to_rotvec, rotvec_to_quat
 

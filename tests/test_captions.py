@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from motiongen.captions import CONTENTS, STYLES, kept_for_testing, phrasings, style_name, swap_sides
 from motiongen.gestures.catalogue import gestures
+from motiongen.text.captions import CONTENTS, STYLES, kept_for_testing, phrasings, style_name, swap_sides
 
 
 @pytest.mark.parametrize("content", CONTENTS)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from motions import skeleton, squat, stand, turned, walk, wave
 
-from motiongen.compose import clearance, looped, overlay, sequence, sharpest
+from motiongen.compose.leg_ik import with_ankles
+from motiongen.compose.motions import clearance, looped, overlay, sequence, sharpest
+from motiongen.compose.parts import PARTS, joints_of
+from motiongen.compose.seams import find_seam, on_skeleton
 from motiongen.gestures.catalogue import perform
-from motiongen.leg_ik import with_ankles
-from motiongen.measure import measure
+from motiongen.measure.clip import measure
 from motiongen.motion import SMPL_JOINTS, Motion
-from motiongen.parts import PARTS, joints_of
 from motiongen.rotation import axis_angle_to_quat, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
-from motiongen.seams import find_seam, on_skeleton
 
 ANKLES = [SMPL_JOINTS.index("left_ankle"), SMPL_JOINTS.index("right_ankle")]
 CHEST = SMPL_JOINTS.index("spine3")

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from motiongen.captions import CONTENTS, kept_for_testing, phrasings, swap_sides
-from motiongen.combinations import GAITS, HELD_OUT_PAIRS, held_out, parts_for, why_not
-from motiongen.combined_captions import at_once, doing, one_after_another, phrases_of
+from motiongen.compose.combinations import GAITS, HELD_OUT_PAIRS, held_out, parts_for, why_not
+from motiongen.compose.parts import PARTS
 from motiongen.data.build import build
 from motiongen.data.clip import Clip, Sample, SourceError, split_of
 from motiongen.data.composed import composed_clips, content_of
 from motiongen.data.sources import find_all, find_clips
 from motiongen.features import FPS
 from motiongen.gestures.catalogue import gestures, perform
-from motiongen.measure import measure
-from motiongen.parts import PARTS
+from motiongen.measure.clip import measure
+from motiongen.text.captions import CONTENTS, kept_for_testing, phrasings, swap_sides
+from motiongen.text.combined_captions import at_once, doing, one_after_another, phrases_of
 
 GESTURES = find_clips("gestures:400")
 

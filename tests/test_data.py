@@ -17,8 +17,6 @@ import numpy as np
 import pytest
 from motions import motion, stand, walk, wave
 
-from motiongen.bvh_write import write_bvh
-from motiongen.captions import kept_for_testing, phrasings, swap_sides
 from motiongen.data.build import build
 from motiongen.data.clip import Clip, Sample, SourceError, split_of
 from motiongen.data.dataset import DatasetError, Entry, open_dataset
@@ -27,10 +25,12 @@ from motiongen.data.read_clips import read_clips
 from motiongen.data.sources import find_clips
 from motiongen.features import motion_to_features
 from motiongen.files import load_motion, save_motion
+from motiongen.formats.bvh_write import write_bvh
+from motiongen.formats.humanml_npy import write_humanml
 from motiongen.gestures.reading import read
-from motiongen.humanml_files import write_humanml
-from motiongen.measure import measure
-from motiongen.say_numbers import says_number
+from motiongen.measure.clip import measure
+from motiongen.text.captions import kept_for_testing, phrasings, swap_sides
+from motiongen.text.say_numbers import says_number
 from rigcast.__main__ import main
 
 ROOT = Path(__file__).parent.parent

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from motiongen.diffusion import SAMPLERS, guide, levels, signal_and_noise, times
+from motiongen.diffusion.samplers import SAMPLERS, guide, levels, signal_and_noise, times
 
 MEAN, SPREAD = 1.5, 0.6
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from motiongen.evaluation.run_results import VERSION, Figure, Items, Results, Subject
+from motiongen.evaluation.run.results import VERSION, Figure, Items, Results, Subject
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
 from evaluation import Line, independent, targets

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import binomtest, ttest_rel
 
 from motiongen.evaluation.compare import Comparison, bootstrap, compare, compare_files, holm, mcnemar
-from motiongen.evaluation.run_results import (
+from motiongen.evaluation.run.results import (
     VERSION,
     Items,
     Results,

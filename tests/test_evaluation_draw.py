@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from motions import walk
 
-from motiongen.evaluation.run_draw import CHUNK, Drawing, draw
+from motiongen.evaluation.run.draw import CHUNK, Drawing, draw
 from motiongen.files import FileError
 from motiongen.generator import Familiarity, PromptError
 from motiongen.motion import Motion

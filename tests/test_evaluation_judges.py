@@ -12,15 +12,15 @@ import torch.nn.functional as F
 from motions import motion, skeleton, squat, turned, walk, wave
 
 from motiongen.data.build import build as build_data
-from motiongen.evaluation.batches import Batches, statistics
-from motiongen.evaluation.guo import margin_loss
-from motiongen.evaluation.judge import About, Judge, JudgeError, build, load_judge, save_judge
-from motiongen.evaluation.negatives import may_be_same, telling
+from motiongen.evaluation.judges.batches import Batches, statistics
+from motiongen.evaluation.judges.guo import margin_loss
+from motiongen.evaluation.judges.judge import About, Judge, JudgeError, build, load_judge, save_judge
+from motiongen.evaluation.judges.negatives import may_be_same, telling
+from motiongen.evaluation.judges.sanity import held_out, noise, sanity
+from motiongen.evaluation.judges.seen import MOST_FRAMES, SEEN_FPS, leg_length, mirror_seen, see, see_motion
+from motiongen.evaluation.judges.tmr import info_nce
+from motiongen.evaluation.judges.train import JUDGE, TrainConfig, train
 from motiongen.evaluation.protocol import Clips
-from motiongen.evaluation.sanity import held_out, noise, sanity
-from motiongen.evaluation.seen import MOST_FRAMES, SEEN_FPS, leg_length, mirror_seen, see, see_motion
-from motiongen.evaluation.tmr import info_nce
-from motiongen.evaluation.train import JUDGE, TrainConfig, train
 from motiongen.features import MIRRORED_JOINT, mirror, motion_to_features
 from motiongen.motion import SMPL_JOINTS, Motion, Skeleton
 from motiongen.rotation import quat_conj, quat_rotate, yaw_of_quat, yaw_quat
@@ -209,10 +209,10 @@ def test_a_draw_depends_on_its_step_alone(data, tmp_path: Path) -> None:
 def test_training_learns_and_goes_on_from_a_checkpoint(
     kind, data, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("motiongen.evaluation.train.default_config", SMALL.__getitem__)
+    monkeypatch.setattr("motiongen.evaluation.judges.train.default_config", SMALL.__getitem__)
     config = TrainConfig(kind, steps=30, batch=16, warm_up=3, save_every=15)
     whole = train(data, tmp_path / "whole", config)
-    monkeypatch.setattr("motiongen.evaluation.train._schedule", lambda step, _: _whole_schedule(step, config))
+    monkeypatch.setattr("motiongen.evaluation.judges.train._schedule", lambda step, _: _whole_schedule(step, config))
     train(data, tmp_path / "parts", replace(config, steps=15))
     parts = train(data, tmp_path / "parts", config)
     for name, value in whole.network.state_dict().items():

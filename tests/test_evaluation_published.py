@@ -14,11 +14,11 @@ from motions import skeleton, walk
 from torch import nn
 from torch.nn.utils.rnn import pack_padded_sequence
 
-from motiongen.evaluation.judge import JudgeError
-from motiongen.evaluation.published import MOST_FRAMES, Published, load_published, on_standard_body
-from motiongen.evaluation.words import PARTS, GloVe, WordsError, load_glove
-from motiongen.humanml import positions_to_features
-from motiongen.humanml_files import humanml_positions
+from motiongen.evaluation.judges.judge import JudgeError
+from motiongen.evaluation.judges.published import MOST_FRAMES, Published, load_published, on_standard_body
+from motiongen.evaluation.judges.words import PARTS, GloVe, WordsError, load_glove
+from motiongen.formats.humanml import positions_to_features
+from motiongen.formats.humanml_npy import humanml_positions
 from motiongen.motion import Skeleton
 
 VOCABULARY = ("unk", "sos", "eos", "a", "person", "walk", "bow", "sofa")

@@ -14,13 +14,13 @@ import pytest
 from motions import walk
 from standing_clips import dataset
 
-from motiongen.evaluation import run
-from motiongen.evaluation.report import FPS, page
-from motiongen.evaluation.report_plots import plot
-from motiongen.evaluation.run_judges import Judges
-from motiongen.evaluation.run_results import Figure, Results, ResultsError, read_results, write_results
-from motiongen.evaluation.run_sets import Plan, make_sets
-from motiongen.evaluation.run_show import Wish
+from motiongen.evaluation.report.page import FPS, page
+from motiongen.evaluation.report.plots import plot
+from motiongen.evaluation.run import evaluate as run
+from motiongen.evaluation.run.judges import Judges
+from motiongen.evaluation.run.results import Figure, Results, ResultsError, read_results, write_results
+from motiongen.evaluation.run.sets import Plan, make_sets
+from motiongen.evaluation.run.show import Wish
 from motiongen.evaluation.subjects import open_subject
 from motiongen.files import save_motion
 from motiongen.generator import PromptError

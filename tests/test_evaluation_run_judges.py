@@ -10,10 +10,10 @@ import pytest
 from standing_clips import dataset
 
 from motiongen.data.dataset import Dataset
-from motiongen.evaluation import run_judges
-from motiongen.evaluation.judge import JudgeError
-from motiongen.evaluation.run_judges import CONTENTS, Judges, open_judges
-from motiongen.evaluation.run_sets import QUICK
+from motiongen.evaluation.judges.judge import JudgeError
+from motiongen.evaluation.run import judges as run_judges
+from motiongen.evaluation.run.judges import CONTENTS, Judges, open_judges
+from motiongen.evaluation.run.sets import QUICK
 
 PLAN = replace(QUICK, judge_steps={"guo": 1, "tmr": 1}, content_steps=2)
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from motiongen.bvh import read_bvh
-from motiongen.bvh_write import write_bvh
 from motiongen.files import FileError, load_motion, replacing, require_timing, save_motion
+from motiongen.formats.bvh import read_bvh
+from motiongen.formats.bvh_write import write_bvh
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from retarget.files import load_trajectory, save_trajectory, write_csv
 from retarget.trajectory import Trajectory

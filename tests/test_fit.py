@@ -6,7 +6,7 @@ import motions
 import numpy as np
 import pytest
 
-from motiongen.fit import motion_from_positions
+from motiongen.formats.fit import motion_from_positions
 from motiongen.motion import SMPL_JOINTS, Motion, Source
 from motiongen.rotation import quat_conj, quat_mul, quat_to_rotvec
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from motions import stand
 
+from motiongen.diffusion.generator import _slip
+from motiongen.diffusion.weights import FOLDER, WeightsError, load_weights, save_weights
 from motiongen.generator import PromptError, check_prompt, load_generator
-from motiongen.mdm_generator import _slip
 from motiongen.motion import Motion
 from motiongen.rotation import quat_mul, yaw_quat
-from motiongen.weights import FOLDER, WeightsError, load_weights, save_weights
 
 WEIGHTS = FOLDER / "mdm.safetensors"
 SEEDS = range(1, 6)

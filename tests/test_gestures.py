@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from motiongen.captions import swap_sides
 from motiongen.features import mirror, motion_to_features
 from motiongen.generator import PromptError, load_generator
 from motiongen.gestures.catalogue import gestures, perform, sample
@@ -17,6 +16,7 @@ from motiongen.gestures.pose import reach
 from motiongen.gestures.reading import read
 from motiongen.motion import FOOT_JOINTS, Motion
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
+from motiongen.text.captions import swap_sides
 
 FAMILIES = tuple(gestures())
 SIDED = tuple(name for name, family in gestures().items() if "left" in family.sides)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from motiongen.gltf import write_glb
+from motiongen.formats.gltf import write_glb
 from motiongen.motion import SMPL_JOINTS, Motion, Source
 
 _WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}

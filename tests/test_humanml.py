@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from motiongen.files import FileError
-from motiongen.humanml import HUMANML3D, KIT_ML, Layout, features_to_positions, positions_to_features
-from motiongen.humanml_files import humanml_positions, read_humanml, write_humanml
+from motiongen.formats.humanml import HUMANML3D, KIT_ML, Layout, features_to_positions, positions_to_features
+from motiongen.formats.humanml_npy import humanml_positions, read_humanml, write_humanml
 from motiongen.motion import SMPL_JOINTS
 
 SAMPLE = os.environ.get("RIGCAST_HUMANML3D")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from motiongen.files import FileError
-from motiongen.humanml import KIT_ML, positions_to_features
-from motiongen.humanml_files import read_humanml, write_kit
-from motiongen.kit import JOINTS, METRES, kit_positions
+from motiongen.formats.humanml import KIT_ML, positions_to_features
+from motiongen.formats.humanml_npy import read_humanml, write_kit
+from motiongen.formats.kit import JOINTS, METRES, kit_positions
 from motiongen.motion import SMPL_JOINTS
 
 SHARED = [SMPL_JOINTS.index(name) for name in JOINTS if name]

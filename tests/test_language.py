@@ -9,22 +9,22 @@ import motions
 import numpy as np
 import pytest
 
-from motiongen.asking import asked_of
 from motiongen.candidates import MOST, choose
-from motiongen.captions import kept_for_testing, swap_sides
-from motiongen.claims import Asked, Claim, holds, shortfall
 from motiongen.data.dataset import Dataset, Entry, Head
 from motiongen.evaluation.baselines import MeanPose, Retrieval
-from motiongen.evaluation.language import interval, language_table, main, rows
-from motiongen.evaluation.language_judges import Discriminant, content_judge
-from motiongen.evaluation.language_prompts import CATEGORIES, Prompt, prompts
-from motiongen.evaluation.language_ruler import gesture_cases, trust
+from motiongen.evaluation.language.discriminants import Discriminant, content_judge
+from motiongen.evaluation.language.prompts import CATEGORIES, Prompt, prompts
+from motiongen.evaluation.language.ruler import gesture_cases, trust
+from motiongen.evaluation.language.run import interval, language_table, main, rows
 from motiongen.features import motion_to_features
 from motiongen.generator import Familiarity, PromptError
 from motiongen.gestures.catalogue import perform
 from motiongen.gestures.generator import GestureGenerator
-from motiongen.measure import observe
+from motiongen.measure.clip import observe
 from motiongen.motion import Motion
+from motiongen.text.asking import asked_of
+from motiongen.text.captions import kept_for_testing, swap_sides
+from motiongen.text.claims import Asked, Claim, holds, shortfall
 
 
 def after(first: Motion, second: Motion) -> Motion:

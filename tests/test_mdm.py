@@ -5,10 +5,10 @@ import pytest
 import torch
 from motions import skeleton, walk
 
+from motiongen.diffusion.losses import LossWeights, joint_positions, loss, world_velocity
+from motiongen.diffusion.mdm import Mdm, MdmConfig
+from motiongen.diffusion.mdm_run import denoise
 from motiongen.features import motion_to_features
-from motiongen.losses import LossWeights, joint_positions, loss, world_velocity
-from motiongen.mdm import Mdm, MdmConfig
-from motiongen.mdm_run import denoise
 from motiongen.rotation import quat_conj, quat_rotate, yaw_of_quat, yaw_quat
 
 SMALL = MdmConfig(features=140, width=32, layers=2, heads=2, feed_forward=48, text=16)

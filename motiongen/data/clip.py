@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from motiongen.captions import kept_for_testing, swap_sides
-from motiongen.measure import Measured, measure
+from motiongen.measure.clip import Measured, measure
 from motiongen.motion import Motion
-from motiongen.say_numbers import says_time, with_numbers
+from motiongen.text.captions import kept_for_testing, swap_sides
+from motiongen.text.say_numbers import says_time, with_numbers
 
 MOST_CAPTIONS = 12  # a clip, where a grammar could say hundreds
 MOST_NUMBERED = 4  # of them with a measured number, and never more than half as many as there are without

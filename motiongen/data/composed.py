@@ -14,14 +14,14 @@ from functools import partial
 
 import numpy as np
 
-from motiongen.combinations import EVEN_GAITS, FAST_GAITS, GAITS, HELD_OUT_PAIRS, held_out, parts_for, why_not
-from motiongen.combined_captions import at_once, one_after_another, phrases_of
-from motiongen.compose import clearance, looped, overlay, sequence, sharpest
+from motiongen.compose.combinations import EVEN_GAITS, FAST_GAITS, GAITS, HELD_OUT_PAIRS, held_out, parts_for, why_not
+from motiongen.compose.motions import clearance, looped, overlay, sequence, sharpest
 from motiongen.data.clip import Clip, Sample, SourceError, cut, drawn, split_of
 from motiongen.features import FPS
 from motiongen.gestures.catalogue import draw
-from motiongen.measure import measure
+from motiongen.measure.clip import measure
 from motiongen.motion import Label, Motion, Source
+from motiongen.text.combined_captions import at_once, one_after_another, phrases_of
 
 TRIES = 8  # combinations drawn for a clip, of which the first that goes well is taken
 LEAD_S = 1.0  # a gait goes on for up to this before, and after, what the hands do

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from motiongen.data.clip import SPLITS, Clip, Sample, SourceError, cut, stamp, told
 from motiongen.data.tables import text_of
-from motiongen.reading import read_motion
+from motiongen.formats.reading import read_motion
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from motiongen.data.dataset import Dataset, Entry
-from motiongen.say_numbers import says_number
+from motiongen.text.say_numbers import says_number
 
 LENGTHS = (0, 1, 2, 4, 8, 16, 32, np.inf)  # s
 BAR, WIDEST = "█", 40  # characters

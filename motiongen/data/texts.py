@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from motiongen.data.dataset import Dataset
 from motiongen.files import replacing
-from motiongen.text import MAX_TOKENS, WIDTH, TextEncoder
+from motiongen.text.encoder import MAX_TOKENS, WIDTH, TextEncoder
 
 _BATCH = 256
 _ARRAYS = ("words", "starts", "sentences")

@@ -12,7 +12,7 @@ from motiongen.data.texts import data_texts
 from motiongen.features import CONTACTS, FPS, PLANAR, YAW, features_to_motion
 from motiongen.generator import Familiarity, PromptError, check_prompt
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
-from motiongen.text import TextEncoder
+from motiongen.text.encoder import TextEncoder
 
 KNOWN = 0.50  # cosine from which a text counts as known, as for the model in the tree
 USUAL_S = 4.0

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from motiongen.evaluation.run_results import Better, Items, Results, ResultsError, Subject, read_results
+from motiongen.evaluation.run.results import Better, Items, Results, ResultsError, Subject, read_results
 
 RESAMPLES = 10_000
 LEVEL = 0.05

@@ -10,9 +10,9 @@ import numpy as np
 
 from motiongen.data.dataset import Dataset
 from motiongen.data.sources import SourceError, find_clips
+from motiongen.evaluation.judges.sanity import noise
 from motiongen.evaluation.protocol import Clips
-from motiongen.evaluation.run_results import file_digest
-from motiongen.evaluation.sanity import noise
+from motiongen.evaluation.run.results import file_digest
 from motiongen.features import FPS
 from motiongen.generator import Familiarity, Generator, PromptError, check_prompt, list_generators, load_generator
 from motiongen.motion import Motion
@@ -20,7 +20,8 @@ from motiongen.smpl import SMPL_SKELETON
 
 BASELINES = ("retrieval", "mean-pose", "noise")
 REAL = "real"
-_CODE = Path(__file__).parent.parent  # what may change a motion: the package, but not how it is judged
+_CODE = Path(__file__).parent.parent
+_NOT_DRAWING = {"data", "evaluation"}  # of the package, what never changes a motion: the clips, and how it is judged
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def open_subject(what: str, data: Dataset) -> Opened:
         return _of_generator(what, load_generator(what))
     path = Path(what)
     if path.suffix == ".safetensors":
-        from motiongen.mdm_generator import MdmGenerator
+        from motiongen.diffusion.generator import MdmGenerator
 
         return _of_generator(path.stem, MdmGenerator(path))
     if not path.is_dir():
@@ -123,7 +124,7 @@ def _still(seconds: float) -> Motion:
 
 def code_digest() -> str:
     """16 hex digits over the code that motions come from."""
-    files = [path for folder in (_CODE, _CODE / "gestures") for path in sorted(folder.glob("*.py"))]
+    files = [p for p in sorted(_CODE.rglob("*.py")) if p.relative_to(_CODE).parts[0] not in _NOT_DRAWING]
     return sha256("".join(file_digest(path) for path in files).encode()).hexdigest()[:16]
 
 
