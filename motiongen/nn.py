@@ -57,7 +57,7 @@ def attention(q: Floats, k: Floats, v: Floats, mask: NDArray[np.bool_], heads: i
 
 
 def waves(at: Floats, width: int) -> Floats:
-    """Sinusoidal embedding (N, width) of numbers (N,) (Vaswani et al. 2017, Sec. 3.5)."""
+    """Sinusoidal embedding (…, width) of numbers (…) (Vaswani et al. 2017, Sec. 3.5)."""
     rate = np.exp(np.arange(width // 2, dtype=np.float32) * np.float32(-math.log(10000.0) / (width // 2)))
-    angle = at[:, None].astype(np.float32) * rate
+    angle = at[..., None].astype(np.float32) * rate
     return np.concatenate([np.sin(angle), np.cos(angle)], axis=-1)

@@ -1,5 +1,7 @@
 """The denoiser and its losses: what padding and dropped text may not change, and kinematics against the motion type."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -11,13 +13,13 @@ from motiongen.diffusion.mdm_run import denoise
 from motiongen.features import motion_to_features
 from motiongen.rotation import quat_conj, quat_rotate, yaw_of_quat, yaw_quat
 
-SMALL = MdmConfig(features=140, width=32, layers=2, heads=2, feed_forward=48, text=16)
+SMALL = MdmConfig(features=140, width=32, layers=2, heads=2, feed_forward=48, text=16, actions=3)
 
 
-@pytest.fixture
-def model() -> Mdm:
+@pytest.fixture(params=["encoder", "decoder"])
+def model(request: pytest.FixtureRequest) -> Mdm:
     torch.manual_seed(0)
-    model = Mdm(SMALL).eval()
+    model = Mdm(replace(SMALL, form=request.param)).eval()
     for p in model.parameters():
         torch.nn.init.normal_(p, std=0.1)
     return model
@@ -53,12 +55,33 @@ def test_dropped_text_is_not_heard(model: Mdm) -> None:
     other = dict(given, words=given["words"] * 2, sentence=-given["sentence"])
     dropped = {"keep": torch.tensor([False, False])}
     assert torch.allclose(model(**(given | dropped)), model(**(other | dropped)), atol=1e-6)
-    assert not torch.allclose(model(**given), model(**other), atol=1e-3)
+    assert not torch.allclose(model(**given), model(**other), atol=1e-5)
+
+
+@torch.inference_mode()
+def test_an_action_stands_for_the_text(model: Mdm) -> None:
+    given = inputs()
+    other = dict(given, words=given["words"] * 2, sentence=-given["sentence"])
+    by_action = {"action": torch.tensor([2, 2])}
+    assert torch.allclose(model(**(given | by_action)), model(**(other | by_action)), atol=1e-6)
+    assert not torch.allclose(model(**(given | by_action)), model(**given, action=torch.tensor([1, 1])), atol=1e-5)
+    assert torch.equal(model(**given, action=torch.tensor([-1, -1])), model(**given))
+
+
+@torch.inference_mode()
+def test_it_is_told_how_much_is_left(model: Mdm) -> None:
+    given = inputs()
+    shorter = dict(given, frames=given["frames"].clone())
+    shorter["frames"][:, 18:] = False
+    with_place = (model(**given) - model(**shorter))[:, :6].abs().max()
+    torch.nn.init.zeros_(model.to_end.weight)
+    assert with_place > (model(**given) - model(**shorter))[:, :6].abs().max()
 
 
 @torch.inference_mode()
 def test_numpy_runs_the_same_network(model: Mdm) -> None:
     given = inputs() | {"t": torch.tensor([0.4, 0.4]), "keep": torch.tensor([True, False])}
+    given["action"] = torch.tensor([1, -1])
     given["frames"][1, 12:] = False
     given["word_mask"][0, 3:] = False
     arrays = {k: v.numpy() for k, v in given.items()} | {"t": 0.4}

@@ -1,23 +1,29 @@
-"""The denoiser: MDM's transformer (Tevet et al. 2022) in its decoder form, with six frames to a token.
+"""The denoiser: MDM's transformer (Tevet et al. 2022), encoder or decoder, with some frames to a token.
 
-Text comes in twice: the sentence vector, added to the embedding of the noise level, is prepended as a token, as in the
-paper; the word vectors are listened to by cross-attention, so that "left" can reach the arm.
+In both forms the sentence vector, added to the embedding of the noise level, is prepended as a token, as in the paper
+(Sec. 3, Fig. 2). The decoder also listens to the word vectors by cross-attention, so that "left" can reach the arm. A
+learned vector may stand for the text: that of an action, or that of no text at all. Every token is told its
+place from the start and from the end, so that five claps can be laid out over the length that there is.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+TO_END = 64  # waves that tell how many tokens are left
+
 
 @dataclass(frozen=True)
 class MdmConfig:
-    """Sizes. `patch`: frames to a token; `text`: width of the text encoder's vectors."""
+    """Sizes. `patch`: frames to a token; `text`: width of the text encoder's vectors; `actions`: how many are known."""
 
+    form: Literal["encoder", "decoder"] = "decoder"
     features: int = 140
     patch: int = 6
     width: int = 256
@@ -25,7 +31,8 @@ class MdmConfig:
     heads: int = 4
     feed_forward: int = 768
     text: int = 384
-    dropout: float = 0.1
+    dropout: float = 0.0
+    actions: int = 0
 
 
 class Attention(nn.Module):
@@ -52,13 +59,15 @@ class Attention(nn.Module):
 
 
 class Block(nn.Module):
-    """Self-attention, cross-attention to the words, feed-forward: each on a normalised input, added to the stream."""
+    """Self-attention, in a decoder cross-attention to the words, feed-forward: each on a normalised input, added to the
+    stream."""
 
     def __init__(self, c: MdmConfig) -> None:
         super().__init__()
-        self.norms = nn.ModuleList(nn.LayerNorm(c.width) for _ in range(3))
+        decoder = c.form == "decoder"
+        self.norms = nn.ModuleList(nn.LayerNorm(c.width) if i != 1 or decoder else nn.Identity() for i in range(3))
         self.self_attention = Attention(c.width, c.heads)
-        self.cross_attention = Attention(c.width, c.heads)
+        self.cross_attention = Attention(c.width, c.heads) if decoder else None
         self.feed_forward = nn.Sequential(
             nn.Linear(c.width, c.feed_forward), nn.GELU(), nn.Dropout(c.dropout), nn.Linear(c.feed_forward, c.width)
         )
@@ -67,7 +76,8 @@ class Block(nn.Module):
         """(B, N, width)."""
         y = self.norms[0](x)
         x = x + self.self_attention(y, y, mask)
-        x = x + self.cross_attention(self.norms[1](x), words, word_mask)
+        if self.cross_attention is not None:
+            x = x + self.cross_attention(self.norms[1](x), words, word_mask)
         return x + self.feed_forward(self.norms[2](x))
 
 
@@ -81,30 +91,48 @@ class Mdm(nn.Module):
         self.level = nn.Sequential(nn.Linear(c.width, c.width), nn.SiLU(), nn.Linear(c.width, c.width))
         self.sentence = nn.Linear(c.text, c.width)
         self.word = nn.Linear(c.text, c.width)
+        self.to_end = nn.Linear(TO_END, c.width, bias=False)
         self.no_sentence = nn.Parameter(torch.zeros(c.width))
         self.no_words = nn.Parameter(torch.zeros(c.width))
+        self.action = nn.Embedding(c.actions, c.width) if c.actions else None
         self.blocks = nn.ModuleList(Block(c) for _ in range(c.layers))
         self.norm = nn.LayerNorm(c.width)
         self.write = nn.Linear(c.width, c.features * c.patch)
+        nn.init.zeros_(self.to_end.weight)
 
     def forward(
-        self, x: Tensor, t: Tensor, frames: Tensor, words: Tensor, word_mask: Tensor, sentence: Tensor, keep: Tensor
+        self,
+        x: Tensor,
+        t: Tensor,
+        frames: Tensor,
+        words: Tensor,
+        word_mask: Tensor,
+        sentence: Tensor,
+        keep: Tensor,
+        action: Tensor | None = None,
     ) -> Tensor:
         """Estimate of x_0 (B, T, features).
 
         `x` (B, T, features) normalised, T a multiple of the patch; `t` (B,) in [0, 1]; `frames` (B, T) bool: which are
         part of the clip; `words` (B, N, text), `word_mask` (B, N), `sentence` (B, text); `keep` (B,): where false the
-        text is replaced by the learned "no text".
+        text is replaced by the learned "no text"; `action` (B,): where not negative, the action that stands for the
+        text.
         """
         c = self.config
         batch, length, _ = x.shape
         tokens = self.read(x.reshape(batch, length // c.patch, c.patch * c.features))
-        said = torch.where(keep[:, None], self.sentence(sentence), self.no_sentence)
+        said, heard = self.sentence(sentence), self.word(words)
+        if self.action is not None and action is not None:
+            act, is_act = self.action(action.clamp(min=0)), (action >= 0)[:, None]
+            said, heard = torch.where(is_act, act, said), torch.where(is_act[:, None], act[:, None], heard)
+        said = torch.where(keep[:, None], said, self.no_sentence)
+        heard = torch.where(keep[:, None, None], heard, self.no_words)
         first = self.level(_waves(t * 1000.0, c.width)) + said
-        places = _waves(torch.arange(tokens.shape[1] + 1, device=x.device, dtype=x.dtype), c.width)
-        stream = torch.cat([first[:, None], tokens], dim=1) + places
-        heard = torch.where(keep[:, None, None], self.word(words), self.no_words)
         real = frames.view(batch, -1, c.patch).any(-1)
+        places = torch.arange(tokens.shape[1] + 1, device=x.device, dtype=x.dtype)
+        left = (real.sum(1, keepdim=True) - places[:-1]).clamp(min=0)
+        tokens = tokens + self.to_end(_waves(left, TO_END))
+        stream = torch.cat([first[:, None], tokens], dim=1) + _waves(places, c.width)
         mask = torch.cat([torch.ones_like(real[:, :1]), real], dim=1)
         for block in self.blocks:
             stream = block(stream, mask, heard, word_mask)
@@ -112,7 +140,7 @@ class Mdm(nn.Module):
 
 
 def _waves(at: Tensor, width: int) -> Tensor:
-    """Sinusoidal embedding (N, width) of numbers (N,) (Vaswani et al. 2017)."""
+    """Sinusoidal embedding (…, width) of numbers (…) (Vaswani et al. 2017)."""
     rate = torch.exp(torch.arange(width // 2, device=at.device, dtype=at.dtype) * (-math.log(10000.0) / (width // 2)))
-    angle = at[:, None] * rate
+    angle = at[..., None] * rate
     return torch.cat([angle.sin(), angle.cos()], dim=-1)

@@ -19,24 +19,33 @@ def denoise(
     word_mask: NDArray[np.bool_],
     sentence: Floats,
     keep: NDArray[np.bool_],
+    action: NDArray[np.int_] | None = None,
 ) -> Floats:
     """Estimate of x_0 (B, T, features); the arguments are those of `Mdm.forward`, with one `t` for the batch."""
     batch, length, features = x.shape
     tokens = linear(x.reshape(batch, length // patch, patch * features), w, "read")
     width = tokens.shape[-1]
-    said = np.where(keep[:, None], linear(sentence, w, "sentence"), w["no_sentence"])
+    said, heard = linear(sentence, w, "sentence"), linear(words, w, "word")
+    if action is not None:
+        act, is_act = w["action.weight"][np.maximum(action, 0)], (action >= 0)[:, None]
+        said, heard = np.where(is_act, act, said), np.where(is_act[:, None], act[:, None], heard)
+    said = np.where(keep[:, None], said, w["no_sentence"])
+    heard = np.where(keep[:, None, None], heard, w["no_words"])
     level = waves(np.full(1, t * 1000.0), width)
     first = linear(silu(linear(level, w, "level.0")), w, "level.2") + said
-    stream = np.concatenate([first[:, None], tokens], axis=1) + waves(np.arange(tokens.shape[1] + 1), width)
-    heard = np.where(keep[:, None, None], linear(words, w, "word"), w["no_words"])
     real = np.any(frames.reshape(batch, -1, patch), axis=2)
+    if "to_end.weight" in w:
+        left = np.maximum(real.sum(1, keepdims=True) - np.arange(tokens.shape[1]), 0)
+        tokens = tokens + waves(left, w["to_end.weight"].shape[1]) @ w["to_end.weight"].T
+    stream = np.concatenate([first[:, None], tokens], axis=1) + waves(np.arange(tokens.shape[1] + 1), width)
     mask = np.concatenate([np.ones_like(real[:, :1]), real], axis=1)
     block = 0
     while (at := f"blocks.{block}.") + "norms.0.weight" in w:
         y = layer_norm(stream, w, at + "norms.0")
         stream = stream + _attend(w, at + "self_attention", y, y, mask, heads)
-        y = layer_norm(stream, w, at + "norms.1")
-        stream = stream + _attend(w, at + "cross_attention", y, heard, word_mask, heads)
+        if at + "cross_attention.query.weight" in w:
+            y = layer_norm(stream, w, at + "norms.1")
+            stream = stream + _attend(w, at + "cross_attention", y, heard, word_mask, heads)
         y = gelu(linear(layer_norm(stream, w, at + "norms.2"), w, at + "feed_forward.0"))
         stream = stream + linear(y, w, at + "feed_forward.3")
         block += 1

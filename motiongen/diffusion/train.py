@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -21,7 +21,7 @@ from torch import Tensor
 
 from motiongen.data.dataset import Dataset, open_dataset
 from motiongen.data.texts import Texts, data_texts
-from motiongen.diffusion.batches import Batches, Scale, scale_of
+from motiongen.diffusion.batches import Batches, Scale, actions_of, scale_of
 from motiongen.diffusion.losses import LossWeights, loss
 from motiongen.diffusion.mdm import Mdm, MdmConfig
 from motiongen.diffusion.samplers import levels
@@ -41,7 +41,9 @@ class TrainConfig:
     clip: float = 1.0
     ema: float = 0.999
     drop_text: float = 0.1
+    by_action: float = 0.1
     bf16: bool = False
+    compile: bool = False
     seed: int = 0
     save_every: int = 200
     log_every: int = 50
@@ -57,9 +59,11 @@ def train(config: TrainConfig, data: Dataset, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     torch.manual_seed(config.seed)
-    model = Mdm(config.model).to(device)
+    actions = _actions(data, out)
+    model = Mdm(replace(config.model, actions=len(actions))).to(device)
     print(f"{sum(p.numel() for p in model.parameters()) / 1e6:.2f} M parameters on {device}", flush=True)
     average = {k: v.detach().clone() for k, v in model.state_dict().items()}
+    denoise, measure = (torch.compile(f, dynamic=True) for f in (model, loss)) if config.compile else (model, loss)
     optimizer = torch.optim.AdamW(model.parameters(), lr=config.rate, weight_decay=config.weight_decay, fused=True)
     scale = _scale(data, out)
     batches = Batches(data, scale, size=config.batch, patch=config.model.patch, seed=config.seed)
@@ -78,11 +82,14 @@ def train(config: TrainConfig, data: Dataset, out: Path) -> None:
             torch.from_numpy(y).to(device) for y in (batch.x, batch.frames, *texts.batch(batch.captions))
         )
         t, keep = torch.rand(len(x)), torch.rand(len(x), device=device) >= config.drop_text
+        named = [actions.index(name) if name else -1 for name in batch.actions]
+        action = torch.tensor(named, device=device)
+        action[torch.rand(len(x), device=device) >= config.by_action] = -1
         alpha, sigma = (torch.from_numpy(y).to(x)[:, None, None] for y in levels(t.numpy()))
         noisy = alpha * x + sigma * torch.randn_like(x)
         with torch.autocast(device.type, torch.bfloat16, enabled=config.bf16):
-            guess = model(noisy, t.to(device), frames, words, word_mask, sentence, keep)
-        terms = loss(guess.float(), x, frames, mean, std, offsets, config.weights)
+            guess = denoise(noisy, t.to(device), frames, words, word_mask, sentence, keep, action)
+        terms = measure(guess.float(), x, frames, mean, std, offsets, config.weights)
         if not torch.isfinite(terms["total"]):
             raise RuntimeError(f"the loss is {terms['total'].item()} at step {step}; the last checkpoint is good")
         optimizer.zero_grad()
@@ -110,6 +117,14 @@ def _scale(data: Dataset, out: Path) -> Scale:
         with replacing(path) as temporary:
             save_arrays(asdict(scale_of(data)), temporary)
     return Scale(**load_arrays(path))
+
+
+def _actions(data: Dataset, out: Path) -> tuple[str, ...]:
+    """The run's own list of actions, as `_scale`."""
+    path = out / "actions.json"
+    if not path.exists():
+        path.write_text(json.dumps(actions_of(data), indent=1))
+    return tuple(json.loads(path.read_text()))
 
 
 def _encode(captions: list[str], data: Dataset) -> Texts:
