@@ -70,7 +70,7 @@ def even_times(steps: int) -> list[float]:
 
 
 def even_ratios(schedule: Schedule, steps: int) -> list[float]:
-    """Times from 1 down to the first of the 1,000 levels, evenly apart in λ (Lu et al. 2022, Sec. 4), and then 0.
+    """Times from 1 down to the first of the 1,000 levels, evenly apart in λ (as in DPM-Solver, Lu et al. 2022), then 0.
 
     There are `steps` + 1 of them; raises ValueError unless steps is 1 to 1,000.
     """
