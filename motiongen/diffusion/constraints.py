@@ -36,11 +36,11 @@ def with_total(
 ) -> Denoiser:
     """Makes a column of x_0 (B, T, F) add up to `total` (B,) over each clip's `frames` (B, T); nan leaves a clip alone.
 
-    A null-space projection (Wang et al. 2022, DDNM: x̂ = A†y + (I − A†A)x): of all corrections that meet the total it takes the one
-    that is proportional to `weights` (B, T), at least 0 each; with equal weights that is the pseudo-inverse's, the
-    smallest one. A total is in x_0's own unit: where the column is a rate r = mean + std·x, n frames at `fps` come to
-    an amount of `angle` with total = (angle·fps − n·mean)/std. Raises ValueError for arrays of other shapes, weights
-    that are negative or not finite, an infinite total, and a clip with a total whose frames have no weight.
+    A null-space projection, x̂ = A†y + (I − A†A)x (Wang et al. 2022, DDNM): of all corrections that meet the total it
+    takes the one that is proportional to `weights` (B, T), at least 0 each; equal weights make A† the pseudo-inverse
+    and the correction the smallest. A total is in x_0's own unit: where the column is a rate r = mean + std·x, n frames
+    at `fps` come to an amount a with total = (a·fps − n·mean)/std. Raises ValueError for arrays of other shapes,
+    weights that are negative or not finite, an infinite total, and a clip with a total whose frames have no weight.
     """
     if not total.shape == frames.shape[:1] == weights.shape[:1] or frames.shape != weights.shape:
         raise ValueError(f"shapes: frames {frames.shape}, total {total.shape}, weights {weights.shape}")
