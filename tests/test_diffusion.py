@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 import torch
+from exact_denoisers import Mixture, exact_noise, exact_x0
+from sampler_errors import MODES
 
 from motiongen.diffusion.samplers import (
     SAMPLERS,
@@ -21,110 +23,59 @@ from motiongen.diffusion.samplers import (
 from motiongen.diffusion.schedule import COSINE, LINEAR, SCHEDULES, Schedule, even_ratios, even_times
 
 COUNT = 5000
-MEANS = np.array([[1.5, -0.5, 0.2], [-2.0, 1.0, 0.0]])
-SPREADS = np.array(
-    [
-        [[0.36, 0.2, 0.0], [0.2, 0.25, 0.02], [0.0, 0.02, 0.01]],
-        [[0.5, -0.1, 0.1], [-0.1, 0.2, 0.0], [0.1, 0.0, 0.3]],
-    ]
-)
+NORMAL = Mixture(np.ones(1), MODES.means[:1], MODES.spreads[:1])
 
 
-def gaussian_x0(schedule: Schedule) -> Denoiser:
-    """E[x_0 | x_t] for x_0 ~ N(m, C): m + αC(α²C + σ²)⁻¹(x − αm)."""
-
-    def denoise(x: np.ndarray, t: float) -> np.ndarray:
-        alpha, sigma = schedule.signal_and_noise(t)
-        gain = alpha * SPREADS[0] @ np.linalg.inv(alpha**2 * SPREADS[0] + sigma**2 * np.eye(3))
-        return MEANS[0] + (x - alpha * MEANS[0]) @ gain.T
-
-    return denoise
-
-
-def scores(x: np.ndarray, alpha: float, sigma: float, shares: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Of x_t's modes, N(αm, α²C + σ²) each: probability (K, B) given x, and gradient of the log density (K, B, 3)."""
-    logs, gradients = [], []
-    for mean, spread, share in zip(MEANS, SPREADS, shares, strict=False):
-        noisy = alpha**2 * spread + sigma**2 * np.eye(3)
-        off = x - alpha * mean
-        gradients.append(-off @ np.linalg.inv(noisy))
-        logs.append((off * gradients[-1]).sum(1) / 2 - np.linalg.slogdet(noisy)[1] / 2 + math.log(share))
-    weights = np.exp(np.array(logs) - np.max(logs, axis=0))
-    return weights / weights.sum(0), np.array(gradients)
-
-
-def exact_noise(schedule: Schedule, shares: tuple[float, ...]) -> Denoiser:
-    """E[ε | x_t] of a mixture, by the score: −σ times the gradient of the log density (Vincent 2011)."""
-
-    def predict(x: np.ndarray, t: float) -> np.ndarray:
-        alpha, sigma = schedule.signal_and_noise(t)
-        weights, gradients = scores(x, alpha, sigma, shares)
-        return -sigma * (weights[..., None] * gradients).sum(0)
-
-    return predict
-
-
-def mixture_x0(schedule: Schedule, shares: tuple[float, ...]) -> Denoiser:
-    """E[x_0 | x_t] of a mixture: that of every mode, weighed by how likely x_t comes from it."""
-
-    def denoise(x: np.ndarray, t: float) -> np.ndarray:
-        alpha, sigma = schedule.signal_and_noise(t)
-        weights, _ = scores(x, alpha, sigma, shares)
-        modes = []
-        for mean, spread in zip(MEANS, SPREADS, strict=True):
-            gain = alpha * spread @ np.linalg.inv(alpha**2 * spread + sigma**2 * np.eye(3))
-            modes.append(mean + (x - alpha * mean) @ gain.T)
-        return (weights[..., None] * np.array(modes)).sum(0)
-
-    return denoise
-
-
-def sample(name: str, denoise: Denoiser, schedule: Schedule, seed: int) -> np.ndarray:
-    random = np.random.default_rng(seed)
+def sample(name: str, denoise: Denoiser, schedule: Schedule) -> np.ndarray:
+    random = np.random.default_rng(0)
     times = even_ratios(schedule, 50) if name == "dpm-solver-2m" else even_times(500)
     return SAMPLERS[name](denoise, lambda: random.standard_normal((COUNT, 3)), schedule, times)
 
 
-def assert_moments(x: np.ndarray, mean: np.ndarray, spread: np.ndarray) -> None:
+def assert_moments(x: np.ndarray, mixture: Mixture) -> None:
     """Mean and covariance within 4 standard errors, and 1 % of the deviations for steps that are not endless."""
-    deviation = np.sqrt(np.diag(spread))
-    off = x - mean
+    mean, spread = mixture.moments()
+    off, deviation = x - mean, np.sqrt(np.diag(spread))
     products = off[:, :, None] * off[:, None, :]
     bound = 4 / math.sqrt(len(x))
     assert (np.abs(off.mean(0)) < bound * x.std(0) + 0.01 * deviation).all()
     assert (np.abs(products.mean(0) - spread) < bound * products.std(0) + 0.01 * np.outer(deviation, deviation)).all()
 
 
+@pytest.mark.parametrize("mixture", [NORMAL, MODES], ids=["gaussian", "two modes"])
 @pytest.mark.parametrize("predicted", ["x0", "noise"])
 @pytest.mark.parametrize("schedule", SCHEDULES.values(), ids=SCHEDULES)
 @pytest.mark.parametrize("name", SAMPLERS)
-def test_a_gaussian_is_recovered(name: str, schedule: Schedule, predicted: str) -> None:
-    denoise = gaussian_x0(schedule) if predicted == "x0" else from_noise(exact_noise(schedule, (1.0,)), schedule)
-    assert_moments(sample(name, denoise, schedule, 0), MEANS[0], SPREADS[0])
+def test_mean_and_covariance_are_recovered(name: str, schedule: Schedule, predicted: str, mixture: Mixture) -> None:
+    noise = exact_noise(mixture, schedule)
+    denoise = exact_x0(mixture, schedule) if predicted == "x0" else from_noise(noise, schedule)
+    x = sample(name, denoise, schedule)
+    assert_moments(x, mixture)
+    if mixture is MODES:
+        first = MODES.modes(x)[0] > 0.5
+        assert first.mean() == pytest.approx(0.7, abs=4 * math.sqrt(0.7 * 0.3 / COUNT) + 0.005)
+        assert np.allclose(x[first].mean(0), MODES.means[0], atol=0.05)
+        assert np.allclose(x[~first].mean(0), MODES.means[1], atol=0.07)
 
 
-@pytest.mark.parametrize("predicted", ["x0", "noise"])
-@pytest.mark.parametrize("schedule", SCHEDULES.values(), ids=SCHEDULES)
-@pytest.mark.parametrize("name", SAMPLERS)
-def test_two_modes_keep_their_shares_and_shapes(name: str, schedule: Schedule, predicted: str) -> None:
-    shares = (0.7, 0.3)
-    exact = exact_noise(schedule, shares)
-    denoise = mixture_x0(schedule, shares) if predicted == "x0" else from_noise(exact, schedule)
-    x = sample(name, denoise, schedule, 1)
-    mean = shares @ MEANS
-    apart = MEANS - mean
-    spread = np.einsum("k,kij->ij", shares, SPREADS + apart[:, :, None] * apart[:, None, :])
-    assert_moments(x, mean, spread)
-    first = scores(x, 1.0, 0.0, shares)[0][0] > 0.5
-    assert first.mean() == pytest.approx(0.7, abs=4 * math.sqrt(0.7 * 0.3 / COUNT) + 0.005)
-    assert np.allclose(x[first].mean(0), MEANS[0], atol=0.05)
-    assert np.allclose(x[~first].mean(0), MEANS[1], atol=0.07)
+def test_exact_denoisers_are_the_mean_of_what_was_noised() -> None:
+    """By weighing samples of x_0 with how likely each makes x_t (importance sampling)."""
+    random = np.random.default_rng(4)
+    which = random.random(200_000) < 0.7
+    draws = [random.multivariate_normal(m, c, which.size) for m, c in zip(MODES.means, MODES.spreads, strict=True)]
+    clean = np.where(which[:, None], *draws)
+    alpha, sigma = COSINE.signal_and_noise(0.6)
+    x = np.array([[0.2, 0.3, -0.4]])
+    weights = np.exp(-((x - alpha * clean) ** 2).sum(1) / (2 * sigma**2))
+    mean = weights @ clean / weights.sum()
+    assert np.allclose(exact_x0(MODES, COSINE)(x, 0.6)[0], mean, atol=0.02)
+    assert np.allclose(exact_noise(MODES, COSINE)(x, 0.6)[0], (x[0] - alpha * mean) / sigma, atol=0.02)
 
 
 def test_second_order_beats_first_at_few_steps() -> None:
     """Against the flow solved in a thousand steps, from the same noise."""
     start = np.random.default_rng(2).standard_normal((500, 3))
-    denoise = gaussian_x0(COSINE)
+    denoise = exact_x0(NORMAL, COSINE)
     exact = ddim(denoise, lambda: start, COSINE, even_times(1000))
     first, second = (
         np.abs(s(denoise, lambda: start, COSINE, even_times(10)) - exact).mean() for s in (ddim, dpm_solver_2m)
@@ -250,6 +201,6 @@ def test_guidance_takes_both_passes_in_one_batch() -> None:
 def test_noise_and_x0_turn_into_each_other() -> None:
     x = np.random.default_rng(6).standard_normal((4, 3))
     for t in (0.001, 0.3, 1.0):
-        there = to_noise(gaussian_x0(LINEAR), LINEAR)
-        assert np.allclose(there(x, t), exact_noise(LINEAR, (1.0,))(x, t), atol=1e-12)
-        assert np.allclose(from_noise(there, LINEAR)(x, t), gaussian_x0(LINEAR)(x, t), atol=1e-10)
+        there = to_noise(exact_x0(NORMAL, LINEAR), LINEAR)
+        assert np.allclose(there(x, t), exact_noise(NORMAL, LINEAR)(x, t), atol=1e-12)
+        assert np.allclose(from_noise(there, LINEAR)(x, t), exact_x0(NORMAL, LINEAR)(x, t), atol=1e-10)
