@@ -127,19 +127,19 @@ class Mdm(nn.Module):
             said, heard = torch.where(is_act, act, said), torch.where(is_act[:, None], act[:, None], heard)
         said = torch.where(keep[:, None], said, self.no_sentence)
         heard = torch.where(keep[:, None, None], heard, self.no_words)
-        first = self.level(_waves(t * 1000.0, c.width)) + said
+        first = self.level(waves(t * 1000.0, c.width)) + said
         real = frames.view(batch, -1, c.patch).any(-1)
         places = torch.arange(tokens.shape[1] + 1, device=x.device, dtype=x.dtype)
         left = (real.sum(1, keepdim=True) - places[:-1]).clamp(min=0)
-        tokens = tokens + self.to_end(_waves(left, TO_END))
-        stream = torch.cat([first[:, None], tokens], dim=1) + _waves(places, c.width)
+        tokens = tokens + self.to_end(waves(left, TO_END))
+        stream = torch.cat([first[:, None], tokens], dim=1) + waves(places, c.width)
         mask = torch.cat([torch.ones_like(real[:, :1]), real], dim=1)
         for block in self.blocks:
             stream = block(stream, mask, heard, word_mask)
         return self.write(self.norm(stream[:, 1:])).view(batch, length, c.features)
 
 
-def _waves(at: Tensor, width: int) -> Tensor:
+def waves(at: Tensor, width: int) -> Tensor:
     """Sinusoidal embedding (…, width) of numbers (…) (Vaswani et al. 2017)."""
     rate = torch.exp(torch.arange(width // 2, device=at.device, dtype=at.dtype) * (-math.log(10000.0) / (width // 2)))
     angle = at[..., None] * rate
