@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import torch
+from noise_mixing import slopes
 
 from motiongen.diffusion.mixing import Span, mix, mix_parts, mix_times, shares
 
@@ -13,13 +13,6 @@ LEGS, ARM, HEAD = (np.array([c in s for c in "llaahh"]) for s in "lah")
 def noises(count: int, frames: int = T) -> list[np.ndarray]:
     rng = np.random.default_rng(count)
     return [rng.standard_normal((B, frames, F)) for _ in range(count)]
-
-
-def slope(padded: list[torch.Tensor], where: list[tuple[slice, int, int]]) -> list[np.ndarray]:
-    """Autograd's gradient of Σ‖ε_i − ε_j‖ by each ε; `where`: frames and the two whose norm is taken there."""
-    norms = [(padded[i][:, rows] - padded[j][:, rows]).flatten(1).norm(dim=1).sum() for rows, i, j in where]
-    torch.stack(norms).sum().backward()
-    return [p.grad.numpy() for p in padded]
 
 
 def test_without_correction_parts_are_cut_and_pasted() -> None:
@@ -35,10 +28,8 @@ def test_one_part_that_is_the_body_is_the_models_own() -> None:
 
 def test_the_correction_of_parts_is_the_gradient_of_the_norms() -> None:
     eps, masks = noises(3), np.stack([LEGS, ARM, HEAD])
-    leaves = [torch.from_numpy(e).requires_grad_() for e in eps]
-    pairs = [(slice(None), i, j) for i in range(3) for j in range(3) if i != j]
-    by_each = slope(leaves, pairs)
-    expected = sum((e + 0.3 * g) * m for e, g, m in zip(eps, by_each, masks, strict=True))
+    pairs = [(i, j, slice(None)) for i in range(3) for j in range(3) if i != j]
+    expected = sum((e + 0.3 * g) * m for e, g, m in zip(eps, slopes(eps, pairs), masks, strict=True))
     assert np.abs(mix_parts(eps, masks, 0.3) - expected).max() < 1e-12
 
 
@@ -67,9 +58,8 @@ def test_the_correction_of_times_is_the_gradient_of_the_norms_in_the_overlap() -
     spans = [Span(0, 5, np.ones(F, bool)), Span(3, 9, np.ones(F, bool)), Span(7, 11, np.ones(F, bool))]
     weight = [np.pad(w, ((s.start, 11 - s.stop), (0, 0))) for w, s in zip(shares(spans, 11), spans, strict=True)]
     full = [np.pad(e, ((0, 0), (s.start, 11 - s.stop), (0, 0))) for e, s in zip(eps, spans, strict=True)]
-    leaves = [torch.from_numpy(e).requires_grad_() for e in full]
-    meet = [(slice(3, 5), 0, 1), (slice(3, 5), 1, 0), (slice(7, 9), 1, 2), (slice(7, 9), 2, 1)]
-    expected = sum(w * (e + 0.2 * g) for w, e, g in zip(weight, full, slope(leaves, meet), strict=True))
+    meet = [(0, 1, slice(3, 5)), (1, 0, slice(3, 5)), (1, 2, slice(7, 9)), (2, 1, slice(7, 9))]
+    expected = sum(w * (e + 0.2 * g) for w, e, g in zip(weight, full, slopes(full, meet), strict=True))
     assert np.abs(mix_times(eps, [(s.start, s.stop) for s in spans], 0.2) - expected).max() < 1e-6
 
 
@@ -98,6 +88,13 @@ def test_the_narrower_is_heard_then_the_body_then_the_model_untold() -> None:
     assert (body[12, [0, 1, 4, 5]] == 1).all()
     assert np.allclose(arm[:4, 2], [0.125, 0.375, 0.625, 0.875])
     assert np.allclose(body[8:12, 2], [0.875, 0.625, 0.375, 0.125])
+
+
+def test_what_the_wider_share_among_themselves_is_no_matter_of_the_narrower() -> None:
+    everything, arm = np.ones(F, bool), Span(8, 20, ARM)
+    one = shares([Span(0, 30, everything), arm], 4)[1]
+    two = shares([Span(0, 20, everything), Span(8, 30, everything), arm], 4)[2]
+    assert np.allclose(one, two)
 
 
 def test_parts_and_times_have_each_their_own_correction() -> None:

@@ -5,6 +5,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 import torch
+from attention import written_out
 
 from motiongen.diffusion import motiondiffuse, motiondiffuse_run
 from motiongen.diffusion.motiondiffuse import MotionDiffuse, MotionDiffuseConfig, Stylize, noise_loss, noise_weight
@@ -45,23 +46,6 @@ def inputs(length: int = 24) -> dict[str, torch.Tensor]:
         "sentence": torch.randn(2, 16, generator=g),
         "keep": torch.tensor([True, True]),
     }
-
-
-def written_out(q: np.ndarray, k: np.ndarray, v: np.ndarray, mask: np.ndarray, heads: int) -> np.ndarray:
-    """Eq. 8 number by number."""
-    out = np.zeros_like(q)
-    per_head = q.shape[-1] // heads
-    for b in range(len(q)):
-        for h in range(heads):
-            own = range(h * per_head, (h + 1) * per_head)
-            for n in range(q.shape[1]):
-                for j in own:
-                    for i in own:
-                        over_head = np.exp(q[b, n, i]) / sum(np.exp(q[b, n, c]) for c in own)
-                        heard = [m for m in range(k.shape[1]) if mask[b, m]]
-                        over_source = sum(np.exp(k[b, m, i]) for m in heard)
-                        out[b, n, j] += over_head * sum(np.exp(k[b, m, i]) / over_source * v[b, m, j] for m in heard)
-    return out
 
 
 @pytest.mark.parametrize("source", [5, 8])  # self-attention, and to a text of another length
