@@ -5,6 +5,8 @@
 Every part prints a table to read and the figures that are held to a target:
 
     samplers    how far each sampler is from a distribution whose exact denoiser it is given
+    attention   efficient attention against its equation, and its cost against quadratic attention's
+    mixing      mixed noise against the equations for parts of the body and intervals of time
 """
 
 from __future__ import annotations
@@ -15,11 +17,13 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict
 
+from attention import attention
 from lines import gate, text
+from noise_mixing import mixing
 from parts import Options, Part
 from sampler_errors import samplers
 
-PARTS: dict[str, Callable[[Options], Part]] = {"samplers": samplers}
+PARTS: dict[str, Callable[[Options], Part]] = {"samplers": samplers, "attention": attention, "mixing": mixing}
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""MotionDiffuse's network against Eq. 8 written out, against itself in numpy, and what padding and silence may change."""
+"""MotionDiffuse's network against Eq. 8 and 9 written out, against itself in numpy; what padding may not change."""
 
 from dataclasses import asdict, replace
 
@@ -153,7 +153,7 @@ def test_the_loss_is_the_error_of_the_noise_and_balanced_that_of_the_clean_featu
     torch.manual_seed(0)
     t = np.array([1.0, 0.9, 0.35, 0.1, 0.01])
     alpha, sigma = (torch.from_numpy(y) for y in LINEAR.levels(t))
-    x0, noise, off = torch.randn(3, 5, 4, 10).double()
+    noise, off = torch.randn(2, 5, 4, 10).double()
     guess = noise - (alpha / sigma)[:, None, None] * off  # of a network that is wrong by `off` in x_0
     frames = torch.ones(5, 4, dtype=torch.bool)
     frames[2, 1:] = False

@@ -39,10 +39,10 @@ class Span:
 def shares(spans: Sequence[Span], fade: int) -> list[Floats]:
     """How much of the mixture is each span's: (stop − start, F) for each, adding up to 1 for every frame and feature.
 
-    Who speaks of fewer features goes first, so that "wave" of an arm is heard through "walk" of the whole body; spans of
-    equally many share what they both speak of, in halves or as they fade. A span fades over its first and last `fade`
-    frames, but not at frame 0 nor at the end of all. Raises ValueError where nobody speaks of something, or for a fade
-    below 1.
+    Who speaks of fewer features goes first, so that "wave" of an arm is heard through "walk" of the whole body; spans
+    of equally many share what they both speak of, in halves or as they fade. A span fades over its first and last
+    `fade` frames, but not at frame 0 nor at the end of all. Raises ValueError where nobody speaks of something, or for
+    a fade below 1.
     """
     if fade < 1:
         raise ValueError(f"a fade takes 1 frame or more, not {fade}")
@@ -60,7 +60,7 @@ def shares(spans: Sequence[Span], fade: int) -> list[Floats]:
         given += taken * asked
         left = left * (1 - np.minimum(asked, 1))
         for i in rank:
-            out[i] = out[i] * taken[spans[i].start : spans[i].stop]
+            out[i] *= taken[spans[i].start : spans[i].stop]
     silent = np.flatnonzero((given == 0).any(1))
     if len(silent):
         raise ValueError(f"in frame {silent[0]} and {len(silent) - 1} more, nothing says what all of the body does")

@@ -195,7 +195,7 @@ class MotionDiffuse(nn.Module):
         return self.text_norm(text), mask
 
     def _levels(self, t: Tensor) -> tuple[Tensor, Tensor]:
-        """α and σ (B, 1, 1) as `LINEAR` has them; below the chain's first level, where σ goes to nothing, that one's."""
+        """α and σ (B, 1, 1) as `LINEAR` has them, but below its first level, where σ goes to nothing, those of it."""
         at = (t * LEVELS).clamp(min=1.0)
         low = at.floor().clamp(max=LEVELS - 1).long()
         log = torch.lerp(self.log_signal[low], self.log_signal[low + 1], at - low)[:, None, None]
@@ -211,9 +211,9 @@ def noise_loss(guess: Tensor, noise: Tensor, frames: Tensor, weight: Tensor) -> 
 def noise_weight(alpha: Tensor, sigma: Tensor) -> Tensor:
     """Weights (B,) of `noise_loss` at the levels α and σ (B,) for a network that writes clean features.
 
-    An error of x_0 shows in ε by α/σ only, which is 0.006 at t = 1: with Eq. 4 as it stands nothing would teach what to
-    make of pure noise, yet there it is settled what is done. Of x_0 the error counts α²/σ² times, but at least LEAST
-    (Salimans & Ho 2022, Sec. 4) and at most MOST (Hang et al. 2023, Eq. 3).
+    An error of x_0 shows in ε by α/σ only, which is 0.006 at t = 1: with Eq. 4 as it stands nothing would teach what
+    to make of pure noise, yet there it is settled what is done. With these weights an error of x_0 counts α²/σ² times,
+    but at least LEAST (Salimans & Ho 2022, Sec. 4) and at most MOST times (Hang et al. 2023).
     """
     ratio = (alpha / sigma).square()
     return ratio.clamp(LEAST, MOST) / ratio

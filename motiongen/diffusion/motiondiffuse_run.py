@@ -1,4 +1,4 @@
-"""The network of `motiondiffuse.py`, run in numpy. Tests check it against the torch module to float32's own accuracy."""
+"""The network of `motiondiffuse.py`, run in numpy; tests hold it to the torch module to float32's own accuracy."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ def denoise(
     out = linear(layer_norm(stream, w, "norm"), w, "write").reshape(batch, length, features)
     if patch == 1:
         return out
-    alpha, sigma = LINEAR.signal_and_noise(max(t, 1 / LEVELS))
-    return (x - np.float32(alpha) * out) / np.float32(sigma)
+    alpha, sigma = map(np.float32, LINEAR.signal_and_noise(max(t, 1 / LEVELS)))
+    return (x - alpha * out) / sigma
 
 
 def efficient_attention(q: Floats, k: Floats, v: Floats, mask: NDArray[np.bool_], heads: int) -> Floats:
     """Eq. 8 in `heads` heads: (B, N, width) of `q` (B, N, width), `k` and `v` (B, M, width), `mask` (B, M)."""
     batch, count, width = q.shape
-    k = np.where(mask[..., None], k, -np.inf).astype(k.dtype)
+    k = np.where(mask[..., None], k, k.dtype.type(-np.inf))
     q, k, v = (y.reshape(batch, y.shape[1], heads, width // heads).swapaxes(1, 2) for y in (q, k, v))
     overview = _softmax(k, 2).swapaxes(-1, -2) @ v
     return (_softmax(q, 3) @ overview).swapaxes(1, 2).reshape(batch, count, width)
