@@ -51,8 +51,8 @@ def denoise(
     out = linear(layer_norm(stream, w, "norm"), w, "write").reshape(batch, length, features)
     if patch == 1:
         return out
-    alpha, sigma = map(np.float32, LINEAR.signal_and_noise(max(t, 1 / LEVELS)))
-    return (x - alpha * out) / sigma
+    alpha, sigma = LINEAR.signal_and_noise(max(t, 1 / LEVELS))
+    return (x - np.float32(alpha) * out) * np.float32(1 / sigma)
 
 
 def efficient_attention(q: Floats, k: Floats, v: Floats, mask: NDArray[np.bool_], heads: int) -> Floats:
