@@ -14,6 +14,7 @@ from motiongen.gestures.reading import Request, read
 _ACTIONS = {
     "wave": "wave", "nod": "nod", "shake-head": "shake", "clap": "clap", "bow": "bow", "squat": "squat", "jump": "jump",
     "march": "step", "raise-arm": "raise", "raise-arm-sideways": "raise",
+    "turn": "turn", "step-forward": "step", "step-back": "step", "sidestep": "aside",
 }  # fmt: skip
 _BY_LEG = ("stand-on-one-leg", "raise-knee", "kick")
 _BY_HAND = (
@@ -75,11 +76,13 @@ def _claim(text: str) -> Claim | None:
 
 
 def _action(text: str, said: Request) -> str | None:
+    if said.name == "sidestep" and said.count is not None:
+        return "step"
     if _ASIDE.search(text):
         return "aside"
     if _TURN.search(text):
         return "turn"
-    if _STEPS.search(text) and said.name in (None, "march"):
+    if _STEPS.search(text) and said.name is None:
         return "step"
     if said.name in _ACTIONS:
         return _ACTIONS[said.name]
