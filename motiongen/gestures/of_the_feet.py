@@ -71,7 +71,7 @@ FEET = (
         "step-forward", _forward, repeats=True, amplitudes=(0.86, 1.14), speeds=(0.6, 1.6),
         verbs=("[take] {steps} forward", "[take] {steps}", "[walk] {steps} forward", "[step] forward",
                "[go] forward {steps}", "[walk] {steps}", "[take] {steps} ahead", "[move] {steps} forward"),
-        keywords=("step", "take step", "step forward", "step ahead", "walk step", "step forward foot"),
+        keywords=("step", "step forward", "step ahead", "step forward foot"),
     ),
     Gesture(
         "step-back", _back, repeats=True, amplitudes=(0.86, 1.14), speeds=(0.6, 1.6),

@@ -16,7 +16,7 @@ from motiongen.gestures.pose import Arm, Foot, Pose, Step, Vec
 LIFT = 0.07  # m that the ball of a swinging foot rises: puppets have no toes to lift
 FULL_STRIDE = 0.4  # m from foot to foot at which arms, hips and heels do all that is written here
 SWAY = 0.45  # share of the way to over the standing foot that the pelvis goes
-STRETCHED = 0.98  # share of its length to which a leg stretches: a knee does not snap straight
+STRETCHED = 0.99  # share of its length to which a leg stretches: a knee does not snap straight
 LEAD = 0.5  # rad by which head and chest are turned further than the feet, at most
 FIRST_S = 0.15  # s in which the weight goes over before the first step
 SHARES = (0.22, 0.39, 0.39)  # of a step: heel off, foot up, foot down
