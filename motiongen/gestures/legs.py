@@ -14,8 +14,9 @@ def leg(side: str, pelvis: Array, pelvis_quat: Array, foot: Array) -> tuple[Arra
     """Local turns (T, 4) of hip, knee, ankle and toes of `side` that put the foot where it is to be.
 
     `pelvis` (T, 3) in metres and `pelvis_quat` (T, 4) in the world; `foot` (T, 5): x, y, z in metres from where the
-    foot stands at first, pitch and yaw in radians, as in `pose.Foot` but with y to the left. The knee bends forward, as in Winter,
-    Biomechanics and Motor Control of Human Movement (law of cosines). Raises ValueError where a foot is out of reach.
+    foot stands at first, pitch and yaw in radians, as in `pose.Foot` but with y to the left. The knee bends forward, as
+    in Winter, Biomechanics and Motor Control of Human Movement (law of cosines). Raises ValueError where a foot is out
+    of reach.
     """
     ankle, ankle_quat = _ankle(1.0 if side == "left" else -1.0, foot)
     hip = pelvis + quat_rotate(pelvis_quat, BODY.offsets[BODY.index(f"{side}_hip")])
