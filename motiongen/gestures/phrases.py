@@ -29,10 +29,18 @@ class Said:
 
 
 def captions(verbs: tuple[str, ...], said: Said) -> tuple[str, ...]:
-    """Every verb phrase in every frame with every way to say the rest, in a fixed order, each once."""
+    """Every verb phrase in every frame with every way to say the rest, in a fixed order, each once.
+
+    Where a verb phrase has a place for `{steps}` the count is said there, elsewhere behind it.
+    """
     out = []
-    for verb, *extras in product(verbs, _angles(said), _counts(said), _sizes(said), _speeds(said)):
-        tail = " ".join(word for word in extras if word)
+    told = [
+        (verb.replace("{steps}", steps), count)
+        for verb in verbs
+        for steps, count in ([(s, "") for s in _steps(said)] if "{steps}" in verb else [("", c) for c in _counts(said)])
+    ]
+    for (verb, count), angle, size, speed in product(told, _angles(said), _sizes(said), _speeds(said)):
+        tail = " ".join(word for word in (angle, count, size, speed) if word)
         out += [f"{subject} {third_person(verb)} {tail}".strip() for subject in _SUBJECTS]
         out += [frame.format(f"{plain(verb)} {tail}".strip()) for frame in _ASKING]
     return tuple(dict.fromkeys(out))
@@ -68,6 +76,12 @@ def _counts(said: Said) -> tuple[str, ...]:
     unit = said.unit or "times"
     word = f"{NUMBERS[said.count]} {unit}" if said.count < len(NUMBERS) else f"{said.count} {unit}"
     return ("twice" if word == "two times" else word, f"{said.count} {unit}")
+
+
+def _steps(said: Said) -> tuple[str, ...]:
+    if said.count == 1:
+        return ("a step", "one step")
+    return (*((f"{NUMBERS[said.count]} steps",) if said.count < len(NUMBERS) else ()), f"{said.count} steps")
 
 
 def _sizes(said: Said) -> tuple[str, ...]:
