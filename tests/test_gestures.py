@@ -14,7 +14,7 @@ from motiongen.generator import PromptError, load_generator
 from motiongen.gestures.catalogue import gestures, perform, sample
 from motiongen.gestures.pose import reach
 from motiongen.gestures.reading import read
-from motiongen.measure_legs import runs
+from motiongen.measure.legs import runs
 from motiongen.motion import FOOT_JOINTS, Motion
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
 from motiongen.text.captions import swap_sides
@@ -300,7 +300,7 @@ def test_samples_are_drawn_alike_from_alike_seeds() -> None:
     ({"name": "nod", "side": "left"}, r"nod: side 'left'; it has no sides"),
     ({"name": "salute", "side": "both"}, r"salute: side 'both'; it takes right or left"),
     ({"name": "nod", "count": 0}, r"nod: count 0; 1 to 20 are possible"),
-    ({"name": "bow", "count": 2}, r"bow: count 2; only 1 is possible"),
+    ({"name": "salute", "count": 2}, r"salute: count 2; only 1 is possible"),
     ({"name": "nod", "speed": 9.0}, r"nod: speed 9; 0.5 to 1.6 is possible"),
     ({"name": "nod", "speed": float("nan")}, r"nod: speed nan"),
     ({"name": "bow", "amplitude": 3.0}, r"bow: amplitude 3; .* which is 10 to 70 degrees"),
@@ -337,7 +337,7 @@ def test_the_generator_does_what_the_text_says() -> None:
     assert excursions(-gap, -0.15, -0.22) == 4
     assert motion.labels[0].text == "clap 4 times"
     assert model.familiarity("clap 4 times").known
-    assert not model.familiarity("bow twice").known
+    assert not model.familiarity("salute twice").known
     strange = model.familiarity("solve a cubic equation")
     assert not strange.known
     assert strange.nearest

@@ -8,17 +8,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from motiongen.asking import asked_of
-from motiongen.claims import holds
 from motiongen.generator import PromptError, load_generator
 from motiongen.gestures.catalogue import gestures, perform
 from motiongen.gestures.pose import Pose, Step
 from motiongen.gestures.reading import read
 from motiongen.gestures.track import play
-from motiongen.measure import observe
-from motiongen.measure_legs import runs
+from motiongen.measure.clip import observe
+from motiongen.measure.legs import runs
 from motiongen.motion import Motion
 from motiongen.rotation import Array, quat_to_rotvec
+from motiongen.text.asking import asked_of
+from motiongen.text.claims import holds
 
 STEPS = {"step-forward": (1, 0), "step-back": (-1, 0), "sidestep": (0, -1)}  # the way, of the right side
 PAIR_M = {"step-forward": 0.40, "step-back": 0.30, "sidestep": 0.28}

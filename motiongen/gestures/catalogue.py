@@ -37,7 +37,7 @@ def perform(
     name: str,
     *,
     side: str | None = None,
-    count: int = 1,
+    count: int | None = None,
     speed: float = 1.0,
     amplitude: float = 1.0,
     seed: int = 0,
@@ -46,7 +46,7 @@ def perform(
 ) -> Motion:
     """The gesture `name`, facing forward at first, from standing to standing, labelled with its first caption.
 
-    `side`: "left", "right" or "both", the usual one where None. `count`: how often. `speed`, `amplitude`: factors of
+    `side`: "left", "right" or "both", and `count`, how often: the usual ones where None. `speed`, `amplitude`: factors of
     the usual; where the gesture has an angle, `amplitude` scales it. The same arguments give the same motion; `seed`
     draws breath, drift and uneven timing. `seconds`: stand on to the end until the motion is as long.
 
@@ -71,7 +71,7 @@ def draw(rng: np.random.Generator) -> tuple[Gesture, Params]:
     usual = rng.random(2) < 0.4  # people mostly do not say how fast and how far
     params = family.params(
         side=str(rng.choice(family.sides)) if family.sides else None,
-        count=int(rng.integers(1, 6)) if family.repeats else 1,
+        count=int(rng.integers(1, 6)) if family.repeats else None,
         speed=1.0 if usual[0] else float(rng.uniform(*family.speeds)),
         amplitude=1.0 if usual[1] else float(rng.uniform(*family.amplitudes)),
     )

@@ -33,7 +33,7 @@ class Gesture:
     `both` those for both sides at once; `named` those that say an angle, by degrees, without a number. Its angles, with
     or without such a phrase, are what people mostly ask for.
     `keywords`: what names the gesture in a text, each a set of words. `sides`: those it has, the usual one first.
-    `repeats`: whether it can be done more than once. `degrees`: its angle at amplitude 1, said after `preposition`.
+    `repeats`: whether it can be done more than once; `usual`: how often, where nobody says. `degrees`: its angle at amplitude 1, said after `preposition`.
     `amplitudes` and `speeds`: lowest and highest. `unit`: what is counted, where not "times".
     """
 
@@ -44,6 +44,7 @@ class Gesture:
     sides: tuple[str, ...] = ()
     both: tuple[str, ...] = ()
     repeats: bool = False
+    usual: int = 1
     degrees: float = 0.0
     preposition: str = "by"
     amplitudes: tuple[float, float] = (0.5, 1.4)
@@ -51,8 +52,10 @@ class Gesture:
     unit: str = ""
     named: dict[int, tuple[str, ...]] = field(default_factory=dict)
 
-    def params(self, *, side: str | None = None, count: int = 1, speed: float = 1.0, amplitude: float = 1.0) -> Params:
-        """The values as one performance; `side` None is the usual side.
+    def params(
+        self, *, side: str | None = None, count: int | None = None, speed: float = 1.0, amplitude: float = 1.0
+    ) -> Params:
+        """The values as one performance; a `side` and a `count` of None are the usual ones.
 
         Raises ValueError naming a value that this gesture cannot take, and those it can.
         """
@@ -61,6 +64,8 @@ class Gesture:
         elif side not in self.sides:
             have = f"takes {' or '.join(self.sides)}" if self.sides else "has no sides"
             raise ValueError(f"{self.name}: side {side!r}; it {have}")
+        if count is None:
+            count = self.usual
         most = MAX_COUNT if self.repeats else 1
         if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
             raise ValueError(
@@ -79,6 +84,7 @@ class Gesture:
             degrees=degrees,
             preposition=self.preposition,
             count=params.count if self.repeats else 0,
+            usual=self.usual,
             unit=self.unit,
             speed=params.speed,
             amplitude=params.amplitude,

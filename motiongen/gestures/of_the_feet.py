@@ -80,7 +80,7 @@ FEET = (
         keywords=("step back", "step backward", "step back foot", "step behind"),
     ),
     Gesture(
-        "sidestep", _aside, sides=SIDES, repeats=True, amplitudes=(0.86, 1.14), speeds=(0.6, 1.6),
+        "sidestep", _aside, sides=SIDES, repeats=True, usual=4, amplitudes=(0.86, 1.14), speeds=(0.6, 1.6),
         verbs=("[sidestep] to the {side}", "[sidestep] {side}", "[take] {steps} to the {side}",
                "[step] to the {side}", "[step] sideways to the {side}", "[take] {steps} sideways to the {side}",
                "[move] {steps} to the {side}"),

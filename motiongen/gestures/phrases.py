@@ -18,11 +18,13 @@ SMALL, LARGE = 0.85, 1.15
 
 @dataclass(frozen=True)
 class Said:
-    """What a caption may have to say; `degrees` and `count` are 0 where the gesture has no such thing."""
+    """What a caption may have to say; `degrees` and `count` are 0 where the gesture has no such thing, and the `usual`
+    count needs no word."""
 
     degrees: int
     preposition: str
     count: int
+    usual: int
     unit: str
     speed: float
     amplitude: float
@@ -71,11 +73,13 @@ def _angles(said: Said) -> tuple[str, ...]:
 
 
 def _counts(said: Said) -> tuple[str, ...]:
-    if said.count < 2:
-        return ("", "once") if said.count and not said.unit else ("",)
+    if not said.count:
+        return ("",)
     unit = said.unit or "times"
     word = f"{NUMBERS[said.count]} {unit}" if said.count < len(NUMBERS) else f"{said.count} {unit}"
-    return ("twice" if word == "two times" else word, f"{said.count} {unit}")
+    words = {"two times": "twice", "one times": "once"}.get(word, word), f"{said.count} {unit}"
+    exact = words if said.count > 1 else words[:1] if not said.unit else (f"one {unit.removesuffix('s')}",)
+    return exact if said.count != said.usual else ("", *exact)
 
 
 def _steps(said: Said) -> tuple[str, ...]:
