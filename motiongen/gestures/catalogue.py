@@ -46,8 +46,8 @@ def perform(
 ) -> Motion:
     """The gesture `name`, facing forward at first, from standing to standing, labelled with its first caption.
 
-    `side`: "left", "right" or "both", and `count`, how often: the usual ones where None. `speed`, `amplitude`: factors of
-    the usual; where the gesture has an angle, `amplitude` scales it. The same arguments give the same motion; `seed`
+    `side`: "left", "right" or "both", and `count`, how often: the usual ones where None. `speed`, `amplitude`: factors
+    of the usual; where the gesture has an angle, `amplitude` scales it. The same arguments give the same motion; `seed`
     draws breath, drift and uneven timing. `seconds`: stand on to the end until the motion is as long.
 
     Raises ValueError naming the bad value and the good ones.

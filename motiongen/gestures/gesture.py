@@ -33,8 +33,9 @@ class Gesture:
     `both` those for both sides at once; `named` those that say an angle, by degrees, without a number. Its angles, with
     or without such a phrase, are what people mostly ask for.
     `keywords`: what names the gesture in a text, each a set of words. `sides`: those it has, the usual one first.
-    `repeats`: whether it can be done more than once; `usual`: how often, where nobody says. `degrees`: its angle at amplitude 1, said after `preposition`.
-    `amplitudes` and `speeds`: lowest and highest. `unit`: what is counted, where not "times".
+    `repeats`: whether it can be done more than once; `usual`: how often, where nobody says. `degrees`: its angle at
+    amplitude 1, said after `preposition`. `amplitudes` and `speeds`: lowest and highest. `unit`: what is counted, where
+    not "times".
     """
 
     name: str
