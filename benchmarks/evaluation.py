@@ -12,10 +12,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from lines import Line, gate, text
 from scipy.linalg import sqrtm
 
 from motiongen.evaluation import metrics
@@ -27,21 +28,6 @@ CEILING, CHANCE = (
     0.5,
     0.1,
 )  # R-precision, top 3: real clips are above the one, shuffled captions within the other of 3/32
-
-
-@dataclass(frozen=True)
-class Line:
-    """One figure and what it must be: at least, or at most, `target`; `found` is None where it was not measured."""
-
-    table: str
-    name: str
-    found: float | None
-    target: float
-    at_least: bool
-
-    @property
-    def holds(self) -> bool:
-        return self.found is not None and (self.found >= self.target if self.at_least else self.found <= self.target)
 
 
 def main() -> int:
@@ -64,18 +50,7 @@ def main() -> int:
         print(json.dumps([asdict(line) | {"holds": line.holds} for line in lines], indent=1))
     else:
         print("\n".join(map(text, lines)))
-    short = [line.name for line in lines if not line.holds]
-    if options.gate and short:
-        print(f"short: {'; '.join(short)}")
-        return 1
-    return 0
-
-
-def text(line: Line) -> str:
-    """A line of the table."""
-    found = "not measured" if line.found is None else f"{line.found:.3g}"
-    bound = "at least" if line.at_least else "at most"
-    return f"{line.table:<10} {line.name:<58} {found:>12}   {bound} {line.target:g}{'' if line.holds else '   SHORT'}"
+    return gate(lines, options.gate)
 
 
 def independent() -> list[Line]:

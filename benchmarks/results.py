@@ -20,7 +20,8 @@ import msgspec
 import tyro
 
 sys.path.insert(0, str(Path(__file__).parent))
-from evaluation import targets, text
+from evaluation import targets
+from lines import text
 
 from motiongen.candidates import DEFAULT_CANDIDATES
 from motiongen.diffusion.weights import FOLDER, load_weights

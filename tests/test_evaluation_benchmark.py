@@ -10,7 +10,8 @@ import pytest
 from motiongen.evaluation.run.results import VERSION, Figure, Items, Results, Subject
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
-from evaluation import Line, independent, targets
+from evaluation import independent, targets
+from lines import Line
 
 
 def subject(name: str, together: float, in_order: float, figures: tuple[Figure, ...] = ()) -> Subject:

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from motiongen.diffusion.constraints import keep_known
 from motiongen.diffusion.lengths import usual_seconds
 from motiongen.diffusion.mdm_run import denoise
-from motiongen.diffusion.samplers import SAMPLERS, Denoiser, guide
+from motiongen.diffusion.samplers import SAMPLERS, Denoiser, guided, seeded
+from motiongen.diffusion.schedule import COSINE, even_times
 from motiongen.diffusion.weights import FOLDER, load_weights, nearest
 from motiongen.features import CONTACTS, FPS, HEIGHT, PLANAR, features_to_motion
 from motiongen.generator import MIN_SECONDS, Familiarity, check_prompt
@@ -33,7 +35,7 @@ class MdmGenerator:
     def __init__(self, path: Path | None = None, *, sampler: str = "dpm-solver-2m", steps: int = 10) -> None:
         self._weights = load_weights(path or FOLDER / "mdm.safetensors")
         self._encoder = TextEncoder()
-        self._sample, self._steps = SAMPLERS[sampler], steps
+        self._sample, self._times = SAMPLERS[sampler], even_times(steps)
         self.licence, self.digest, self.passes = self._weights.licence, self._weights.digest, steps
 
     def familiarity(self, text: str) -> Familiarity:
@@ -76,14 +78,13 @@ class MdmGenerator:
         patch, width = self._weights.patch, len(self._weights.mean)
         total = patch * math.ceil(counts.max() / patch)
         length = min(total, self._weights.window)
-        random = [np.random.default_rng(s) for s in seeds]
+        draw = seeded(seeds, self._weights.window, length, width)
         done = np.zeros((len(seeds), 0, width), np.float32)
         while done.shape[1] < total:
             known = done[:, -OVERLAP:]
             start = done.shape[1] - known.shape[1]
-            noise = np.stack([g.standard_normal((length, width), np.float32) for g in random])
             frames = np.arange(length) < np.maximum(counts[:, None] - start, patch)
-            x = self._sample(self._denoiser(said, frames, known, scale), noise, self._steps)
+            x = self._sample(self._denoiser(said, frames, known, scale), draw, COSINE, self._times)
             done = np.concatenate([done[:, :start], x], axis=1)
         return done[:, :total]
 
@@ -96,12 +97,12 @@ class MdmGenerator:
         both = np.concatenate([frames, frames])
         keep = np.arange(2 * len(frames)) < len(frames)
 
-        def guided(x: Floats, t: float) -> Floats:
-            x0 = denoise(w.tensors, w.patch, w.heads, np.concatenate([x, x]), t, both, words, word_mask, sentence, keep)
-            x0 = guide(x0[: len(x)], x0[len(x) :], scale)
-            return np.concatenate([known, x0[:, known.shape[1] :]], axis=1)
+        def predict(x: Floats, t: float) -> Floats:
+            return denoise(w.tensors, w.patch, w.heads, x, t, both, words, word_mask, sentence, keep)
 
-        return guided
+        first = np.zeros((*frames.shape, len(w.mean)), np.float32)
+        first[:, : known.shape[1]] = known
+        return keep_known(guided(predict, scale), first, np.arange(frames.shape[1])[:, None] < known.shape[1])
 
     def _motion(self, x: Floats, text: str, seed: int) -> Motion:
         w = self._weights

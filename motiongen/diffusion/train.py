@@ -24,7 +24,7 @@ from motiongen.data.texts import Texts, data_texts
 from motiongen.diffusion.batches import Batches, Scale, actions_of, scale_of
 from motiongen.diffusion.losses import LossWeights, loss
 from motiongen.diffusion.mdm import Mdm, MdmConfig
-from motiongen.diffusion.samplers import levels
+from motiongen.diffusion.schedule import COSINE
 from motiongen.files import replacing
 
 
@@ -85,7 +85,7 @@ def train(config: TrainConfig, data: Dataset, out: Path) -> None:
         named = [actions.index(name) if name else -1 for name in batch.actions]
         action = torch.tensor(named, device=device)
         action[torch.rand(len(x), device=device) >= config.by_action] = -1
-        alpha, sigma = (torch.from_numpy(y).to(x)[:, None, None] for y in levels(t.numpy()))
+        alpha, sigma = (torch.from_numpy(y).to(x)[:, None, None] for y in COSINE.levels(t.numpy()))
         noisy = alpha * x + sigma * torch.randn_like(x)
         with torch.autocast(device.type, torch.bfloat16, enabled=config.bf16):
             guess = denoise(noisy, t.to(device), frames, words, word_mask, sentence, keep, action)

@@ -1,0 +1,55 @@
+"""Do the diffusion models do what their papers promise?
+
+    python benchmarks/generators.py [--part NAME ...] [--quick] [--json] [--gate]
+
+Every part prints a table to read and the figures that are held to a target:
+
+    samplers    how far each sampler is from a distribution whose exact denoiser it is given
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import asdict
+
+from lines import gate, text
+from parts import Options, Part
+from sampler_errors import samplers
+
+PARTS: dict[str, Callable[[Options], Part]] = {"samplers": samplers}
+
+
+def main() -> int:
+    """Print the parts' tables; exit 1 with `--gate` where a target falls short."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--part", action="append", choices=PARTS, help="this part alone; repeatable")
+    parser.add_argument("--quick", action="store_true", help="under a minute on one core")
+    parser.add_argument("--json", action="store_true", help="one JSON document")
+    parser.add_argument("--gate", action="store_true", help="exit 1 where a target is missed or was not measured")
+    options = parser.parse_args()
+    found: dict[str, Part] = {}
+    for name in options.part or PARTS:
+        found[name] = PARTS[name](Options(options.quick))
+        if not options.json:
+            print("\n".join([name, "", *columns(found[name].rows), "", *map(text, found[name].lines), ""]), flush=True)
+    if options.json:
+        print(json.dumps({name: as_json(part) for name, part in found.items()}, indent=1))
+    return gate([line for part in found.values() for line in part.lines], options.gate)
+
+
+def columns(rows: tuple[tuple[str, ...], ...]) -> list[str]:
+    """Rows with their columns below each other."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def as_json(part: Part) -> dict[str, object]:
+    """A part with each line's verdict."""
+    return {"rows": part.rows, "lines": [asdict(line) | {"holds": line.holds} for line in part.lines]}
+
+
+if __name__ == "__main__":
+    sys.exit(main())
