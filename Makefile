@@ -27,6 +27,7 @@ check: $(STAMP)
 bench: $(STAMP)
 	$(BIN)/python benchmarks/cold_start.py --quick
 	$(BIN)/python benchmarks/evaluation.py --quick
+	$(BIN)/python benchmarks/generators.py --quick
 
 results: $(STAMP)
 	$(BIN)/python benchmarks/results.py $(RUNS)

@@ -33,7 +33,7 @@ class Mixture:
         for share, mean, spread in zip(self.shares, self.means, self.spreads, strict=True):
             noisy = alpha**2 * spread + sigma**2 * np.eye(len(mean))
             off = x - alpha * mean
-            distance = np.sum(off * np.linalg.solve(noisy, off.T).T, axis=1)
+            distance = np.sum(off @ np.linalg.inv(noisy) * off, axis=1)
             logs.append(np.log(share) - (distance + np.linalg.slogdet(noisy)[1]) / 2)
         odds = np.exp(np.array(logs) - np.max(logs, axis=0))
         return odds / odds.sum(0)
@@ -60,10 +60,8 @@ def exact_noise(mixture: Mixture, schedule: Schedule) -> Denoiser:
         alpha, sigma = schedule.signal_and_noise(t)
         score = np.zeros_like(x)
         for odds, mean, spread in zip(mixture.modes(x, alpha, sigma), mixture.means, mixture.spreads, strict=True):
-            score -= (
-                odds[:, None]
-                * np.linalg.solve(alpha**2 * spread + sigma**2 * np.eye(len(mean)), (x - alpha * mean).T).T
-            )
+            noisy = alpha**2 * spread + sigma**2 * np.eye(len(mean))
+            score -= odds[:, None] * ((x - alpha * mean) @ np.linalg.inv(noisy))
         return -sigma * score
 
     return predict

@@ -22,13 +22,13 @@ from motiongen.diffusion.samplers import (
 )
 from motiongen.diffusion.schedule import COSINE, LINEAR, SCHEDULES, Schedule, even_ratios, even_times
 
-COUNT = 5000
+COUNT = 4000
 NORMAL = Mixture(np.ones(1), MODES.means[:1], MODES.spreads[:1])
 
 
 def sample(name: str, denoise: Denoiser, schedule: Schedule) -> np.ndarray:
     random = np.random.default_rng(0)
-    times = even_ratios(schedule, 50) if name == "dpm-solver-2m" else even_times(500)
+    times = even_ratios(schedule, 50) if name == "dpm-solver-2m" else even_times(400 if name == "ddim" else 200)
     return SAMPLERS[name](denoise, lambda: random.standard_normal((COUNT, 3)), schedule, times)
 
 

@@ -14,12 +14,14 @@ from motiongen.generator import PromptError, load_generator
 from motiongen.gestures.catalogue import gestures, perform, sample
 from motiongen.gestures.pose import reach
 from motiongen.gestures.reading import read
+from motiongen.measure.legs import runs
 from motiongen.motion import FOOT_JOINTS, Motion
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
 from motiongen.text.captions import swap_sides
 
 FAMILIES = tuple(gestures())
 SIDED = tuple(name for name, family in gestures().items() if "left" in family.sides)
+GOING = ("turn", "step-forward", "step-back", "sidestep")
 COUNTED = tuple(name for name, family in gestures().items() if family.repeats)
 
 
@@ -71,9 +73,11 @@ def test_feet_stay_planted_and_nobody_sinks_or_flies(name: str) -> None:
         assert (feet[..., 2] > stand - 2e-3).all()
         for i in range(4):
             down = motion.contacts[:, i]
-            assert np.abs(feet[down, i] - feet[0, i]).max() < 2e-3
+            for first, last in runs(down):
+                assert np.ptp(feet[first : last + 1, i], axis=0).max() < 2e-3
+            assert name in GOING or np.abs(feet[down, i] - feet[0, i]).max() < 2e-3
             assert np.abs(feet[~down, i] - feet[0, i]).max(initial=0.0) == 0 or name in {
-                "march", "stand-on-one-leg", "raise-knee", "kick", "jump", "tiptoe",
+                "march", "stand-on-one-leg", "raise-knee", "kick", "jump", "tiptoe", *GOING,
             }  # fmt: skip
         assert motion.contacts[0].all()
         assert motion.contacts[-1].all()
@@ -102,7 +106,7 @@ def test_hands_stay_out_of_the_trunk_and_the_head(name: str) -> None:
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_it_starts_and_ends_standing_and_lives(name: str) -> None:
-    motion = perform(name)
+    motion = perform(name, count=2 if name in GOING and name in COUNTED else 1)
     for frame in (0, -1):
         assert abs(motion.root_pos[frame, 2] - perform("idle").root_pos[0, 2]) < 0.005
         for side in ("left", "right"):
@@ -296,7 +300,7 @@ def test_samples_are_drawn_alike_from_alike_seeds() -> None:
     ({"name": "nod", "side": "left"}, r"nod: side 'left'; it has no sides"),
     ({"name": "salute", "side": "both"}, r"salute: side 'both'; it takes right or left"),
     ({"name": "nod", "count": 0}, r"nod: count 0; 1 to 20 are possible"),
-    ({"name": "bow", "count": 2}, r"bow: count 2; only 1 is possible"),
+    ({"name": "salute", "count": 2}, r"salute: count 2; only 1 is possible"),
     ({"name": "nod", "speed": 9.0}, r"nod: speed 9; 0.5 to 1.6 is possible"),
     ({"name": "nod", "speed": float("nan")}, r"nod: speed nan"),
     ({"name": "bow", "amplitude": 3.0}, r"bow: amplitude 3; .* which is 10 to 70 degrees"),
@@ -333,7 +337,7 @@ def test_the_generator_does_what_the_text_says() -> None:
     assert excursions(-gap, -0.15, -0.22) == 4
     assert motion.labels[0].text == "clap 4 times"
     assert model.familiarity("clap 4 times").known
-    assert not model.familiarity("bow twice").known
+    assert not model.familiarity("salute twice").known
     strange = model.familiarity("solve a cubic equation")
     assert not strange.known
     assert strange.nearest

@@ -10,7 +10,7 @@ import numpy as np
 from motiongen.gestures import life
 from motiongen.gestures.body import BODY, STANDING
 from motiongen.gestures.legs import FORWARD, leg, touching
-from motiongen.gestures.pose import STAND, Step
+from motiongen.gestures.pose import Step
 from motiongen.gestures.track import Track, length, play
 from motiongen.motion import Motion
 from motiongen.rotation import (
@@ -41,7 +41,7 @@ def assemble(
         left = seconds - length(uneven, speed)
         if left < 0:
             raise ValueError(f"{seconds:g} seconds; this gesture takes {seconds - left:.2f}")
-        uneven.append(Step(left * speed, STAND))
+        uneven.append(Step(left * speed, uneven[-1].pose))
     track = play(uneven, speed, fps)
     count = len(track.shift)
     quat = np.zeros((count, len(BODY.names), 4))

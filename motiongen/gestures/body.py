@@ -11,11 +11,12 @@ UPPER_ARM, FOREARM = 0.245, 0.225  # m, shoulder to elbow, elbow to wrist
 THIGH, SHIN = 0.39, 0.41  # m
 SHOULDER = 0.105  # m, from the middle of the body out to the shoulder joint
 TOES = (0.09, 0.0, -0.075)  # m, from the ankle to the ball of the foot
+HIP = 0.07  # m, from the middle out to the hip joint
 STANCE = 0.09  # m, from the middle out to a standing foot
 SOFT_KNEES = 0.015  # m by which relaxed knees lower the pelvis: straight legs have no way to give
 
 _OFFSETS = {
-    "left_hip": (0, 0.07, -0.02),
+    "left_hip": (0, HIP, -0.02),
     "left_knee": (0, 0, -THIGH),
     "left_ankle": (0, 0, -SHIN),
     "left_foot": TOES,

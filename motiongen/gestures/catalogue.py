@@ -11,13 +11,14 @@ from motiongen.gestures.assemble import assemble, mirrored
 from motiongen.gestures.gesture import Gesture, Params
 from motiongen.gestures.of_both_arms import BOTH_ARMS
 from motiongen.gestures.of_one_arm import ONE_ARM
+from motiongen.gestures.of_the_feet import FEET
 from motiongen.gestures.of_the_head import HEAD
 from motiongen.gestures.of_the_legs import LEGS
 from motiongen.gestures.of_the_trunk import TRUNK
 from motiongen.motion import Label, Motion, Source
 
 LICENCE = "Apache-2.0"
-_ALL = {gesture.name: gesture for gesture in (*HEAD, *ONE_ARM, *BOTH_ARMS, *TRUNK, *LEGS)}
+_ALL = {gesture.name: gesture for gesture in (*HEAD, *ONE_ARM, *BOTH_ARMS, *TRUNK, *LEGS, *FEET)}
 
 
 def gestures() -> dict[str, Gesture]:
@@ -36,17 +37,17 @@ def perform(
     name: str,
     *,
     side: str | None = None,
-    count: int = 1,
+    count: int | None = None,
     speed: float = 1.0,
     amplitude: float = 1.0,
     seed: int = 0,
     fps: float = 30.0,
     seconds: float | None = None,
 ) -> Motion:
-    """The gesture `name` on the spot, facing forward, from standing to standing, labelled with its first caption.
+    """The gesture `name`, facing forward at first, from standing to standing, labelled with its first caption.
 
-    `side`: "left", "right" or "both", the usual one where None. `count`: how often. `speed`, `amplitude`: factors of
-    the usual; where the gesture has an angle, `amplitude` scales it. The same arguments give the same motion; `seed`
+    `side`: "left", "right" or "both", and `count`, how often: the usual ones where None. `speed`, `amplitude`: factors
+    of the usual; where the gesture has an angle, `amplitude` scales it. The same arguments give the same motion; `seed`
     draws breath, drift and uneven timing. `seconds`: stand on to the end until the motion is as long.
 
     Raises ValueError naming the bad value and the good ones.
@@ -70,10 +71,13 @@ def draw(rng: np.random.Generator) -> tuple[Gesture, Params]:
     usual = rng.random(2) < 0.4  # people mostly do not say how fast and how far
     params = family.params(
         side=str(rng.choice(family.sides)) if family.sides else None,
-        count=int(rng.integers(1, 6)) if family.repeats else 1,
+        count=int(rng.integers(1, 6)) if family.repeats else None,
         speed=1.0 if usual[0] else float(rng.uniform(*family.speeds)),
         amplitude=1.0 if usual[1] else float(rng.uniform(*family.amplitudes)),
     )
+    if family.named and rng.random() < 0.5:
+        degrees = int(rng.choice(list(family.named)))
+        params = replace(params, amplitude=degrees / family.degrees, angle=math.radians(degrees))
     return family, params
 
 

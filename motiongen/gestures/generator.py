@@ -71,7 +71,7 @@ def _params(family: Gesture, request: Request) -> Params:
         amplitude = request.degrees / family.degrees
     return family.params(
         side=request.side if request.side in family.sides else None,
-        count=(request.count or 1) if family.repeats else 1,
+        count=request.count if family.repeats else None,
         speed=min(max(request.speed or 1.0, family.speeds[0]), family.speeds[1]),
         amplitude=amplitude,
     )

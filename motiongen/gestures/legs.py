@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from motiongen.gestures.body import ANKLE_HEIGHT, BODY, SHIN, STANCE, THIGH, TOES
-from motiongen.rotation import Array, axis_angle_to_quat, matrix_to_quat, quat_conj, quat_mul, quat_rotate
+from motiongen.rotation import Array, axis_angle_to_quat, matrix_to_quat, quat_conj, quat_mul, quat_rotate, yaw_quat
 
 FORWARD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
@@ -13,9 +13,10 @@ FORWARD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 def leg(side: str, pelvis: Array, pelvis_quat: Array, foot: Array) -> tuple[Array, Array, Array, Array]:
     """Local turns (T, 4) of hip, knee, ankle and toes of `side` that put the foot where it is to be.
 
-    `pelvis` (T, 3) in metres and `pelvis_quat` (T, 4) in the world; `foot` (T, 4): x, y, z in metres from where the
-    foot stands and pitch in radians, as in `pose.Foot` but with y to the left. The knee bends forward, as in Winter,
-    Biomechanics and Motor Control of Human Movement (law of cosines). Raises ValueError where a foot is out of reach.
+    `pelvis` (T, 3) in metres and `pelvis_quat` (T, 4) in the world; `foot` (T, 5): x, y, z in metres from where the
+    foot stands at first, pitch and yaw in radians, as in `pose.Foot` but with y to the left. The knee bends forward, as
+    in Winter, Biomechanics and Motor Control of Human Movement (law of cosines). Raises ValueError where a foot is out
+    of reach.
     """
     ankle, ankle_quat = _ankle(1.0 if side == "left" else -1.0, foot)
     hip = pelvis + quat_rotate(pelvis_quat, BODY.offsets[BODY.index(f"{side}_hip")])
@@ -28,7 +29,7 @@ def leg(side: str, pelvis: Array, pelvis_quat: Array, foot: Array) -> tuple[Arra
     lead = np.arctan2(SHIN * np.sin(knee), THIGH + SHIN * np.cos(knee))  # thigh before the line from hip to ankle
 
     # The leg's own frame: z up the line from ankle to hip, y across. The thigh is turned in it about y.
-    across = _unit(np.cross(-line, _forward(pelvis_quat)))
+    across = _unit(np.cross(-line, _forward(pelvis_quat, foot[:, 4])))
     frame = matrix_to_quat(np.stack([np.cross(across, -line), across, -line], axis=-1))
     thigh = quat_mul(frame, axis_angle_to_quat(LEFT, -lead))
     bent = axis_angle_to_quat(LEFT, knee)
@@ -38,23 +39,24 @@ def leg(side: str, pelvis: Array, pelvis_quat: Array, foot: Array) -> tuple[Arra
 
 
 def touching(foot: Array) -> tuple[np.ndarray, np.ndarray]:
-    """Booleans (T,) each: ankle and toes of a `foot` (T, 4), see `leg`, are as low as on a flat sole."""
+    """Booleans (T,) each: ankle and toes of a `foot` (T, 5), see `leg`, are as low as on a flat sole."""
     down = np.abs(foot[:, 2]) < 1e-4
     return down & (np.abs(foot[:, 3]) < 1e-3), down
 
 
 def _ankle(out: float, foot: Array) -> tuple[Array, Array]:
     """World position (T, 3) and orientation (T, 4) of the ankle; toes-down pitch pivots on the ball of the foot."""
-    turn = axis_angle_to_quat(LEFT, foot[:, 3])
+    yaw = yaw_quat(foot[:, 4])
+    turn = quat_mul(yaw, axis_angle_to_quat(LEFT, foot[:, 3]))
     stands = np.array([0.0, out * STANCE, ANKLE_HEIGHT]) + foot[:, :3]
     ball = np.array(TOES)
-    on_ball = stands + ball - quat_rotate(turn, ball)
-    return np.where(foot[:, 3:] > 0, on_ball, stands), turn
+    on_ball = stands + quat_rotate(yaw, ball) - quat_rotate(turn, ball)
+    return np.where(foot[:, 3:4] > 0, on_ball, stands), turn
 
 
-def _forward(pelvis_quat: Array) -> Array:
-    """(T, 3): forward half-way between the world's, where the feet point, and the pelvis's: knees follow both."""
-    return _unit(FORWARD + quat_rotate(pelvis_quat, FORWARD))
+def _forward(pelvis_quat: Array, yaw: Array) -> Array:
+    """(T, 3): forward half-way between the foot's and the pelvis's: knees follow both."""
+    return _unit(quat_rotate(yaw_quat(yaw), FORWARD) + quat_rotate(pelvis_quat, FORWARD))
 
 
 def _unit(v: Array) -> Array:

@@ -121,7 +121,7 @@ LEGS = (
         keywords=("sit", "crouch", "chair"),
     ),
     Gesture(
-        "march", _march, repeats=True, unit="steps", amplitudes=(0.5, 1.3),
+        "march", _march, repeats=True, usual=4, unit="steps", amplitudes=(0.5, 1.3),
         verbs=("[march] in place", "[march] on the spot", "[walk] in place", "[step] in place"),
         keywords=("march", "walk place", "step place", "walk spot"),
     ),

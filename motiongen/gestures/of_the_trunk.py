@@ -22,7 +22,7 @@ def _bow(p: Params) -> list[Step]:
         (sin(a), 0.12, -1.0), (sin(a) + 0.1, 0.06, -1.0)
     )  # hands stay near the thighs: they hang in the world
     low = _bent(a, head=0.1, right=hanging, left=hanging)
-    return [Step(0.7 + 0.5 * a, low), Step(0.6, low), Step(0.9 + 0.5 * a, STAND)]
+    return [Step(0.7 + 0.5 * a, low), Step(0.6, low), Step(0.9 + 0.5 * a, STAND)] * p.count
 
 
 def _lean_forward(p: Params) -> list[Step]:
@@ -69,7 +69,7 @@ def _idle(p: Params) -> list[Step]:
 
 TRUNK = (
     Gesture(
-        "bow", _bow, degrees=40, amplitudes=(0.25, 1.75),
+        "bow", _bow, repeats=True, degrees=40, amplitudes=(0.25, 1.75),
         verbs=("[bow]", "[take] a bow", "[bow] politely", "[bend] forward in a bow"),
         keywords=("bow",),
     ),

@@ -18,21 +18,31 @@ SMALL, LARGE = 0.85, 1.15
 
 @dataclass(frozen=True)
 class Said:
-    """What a caption may have to say; `degrees` and `count` are 0 where the gesture has no such thing."""
+    """What a caption may have to say; `degrees` and `count` are 0 where the gesture has no such thing, and the `usual`
+    count needs no word."""
 
     degrees: int
     preposition: str
     count: int
+    usual: int
     unit: str
     speed: float
     amplitude: float
 
 
 def captions(verbs: tuple[str, ...], said: Said) -> tuple[str, ...]:
-    """Every verb phrase in every frame with every way to say the rest, in a fixed order, each once."""
+    """Every verb phrase in every frame with every way to say the rest, in a fixed order, each once.
+
+    Where a verb phrase has a place for `{steps}` the count is said there, elsewhere behind it.
+    """
     out = []
-    for verb, *extras in product(verbs, _angles(said), _counts(said), _sizes(said), _speeds(said)):
-        tail = " ".join(word for word in extras if word)
+    told = [
+        (verb.replace("{steps}", steps), count)
+        for verb in verbs
+        for steps, count in ([(s, "") for s in _steps(said)] if "{steps}" in verb else [("", c) for c in _counts(said)])
+    ]
+    for (verb, count), angle, size, speed in product(told, _angles(said), _sizes(said), _speeds(said)):
+        tail = " ".join(word for word in (angle, count, size, speed) if word)
         out += [f"{subject} {third_person(verb)} {tail}".strip() for subject in _SUBJECTS]
         out += [frame.format(f"{plain(verb)} {tail}".strip()) for frame in _ASKING]
     return tuple(dict.fromkeys(out))
@@ -63,11 +73,19 @@ def _angles(said: Said) -> tuple[str, ...]:
 
 
 def _counts(said: Said) -> tuple[str, ...]:
-    if said.count < 2:
-        return ("", "once") if said.count and not said.unit else ("",)
+    if not said.count:
+        return ("",)
     unit = said.unit or "times"
     word = f"{NUMBERS[said.count]} {unit}" if said.count < len(NUMBERS) else f"{said.count} {unit}"
-    return ("twice" if word == "two times" else word, f"{said.count} {unit}")
+    words = {"two times": "twice", "one times": "once"}.get(word, word), f"{said.count} {unit}"
+    exact = words if said.count > 1 else words[:1] if not said.unit else (f"one {unit.removesuffix('s')}",)
+    return exact if said.count != said.usual else ("", *exact)
+
+
+def _steps(said: Said) -> tuple[str, ...]:
+    if said.count == 1:
+        return ("a step", "one step")
+    return (*((f"{NUMBERS[said.count]} steps",) if said.count < len(NUMBERS) else ()), f"{said.count} steps")
 
 
 def _sizes(said: Said) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from typing import Literal
 from motiongen.gestures.body import FOREARM, SHOULDER, UPPER_ARM
 
 Vec = tuple[float, float, float]
-Ease = Literal["smooth", "launch", "brake"]
+Ease = Literal["smooth", "launch", "brake", "flow"]
 ZERO: Vec = (0.0, 0.0, 0.0)
 
 
@@ -31,7 +31,8 @@ class Arm:
 
 @dataclass(frozen=True)
 class Foot:
-    """A foot: `x` forward, `y` outward, `z` up in metres from where it stands; `pitch` in radians, toes down positive.
+    """A foot: `x` forward, `y` outward, `z` up in metres from where it stands at first; `pitch` in radians, toes down
+    positive, and `yaw`, to the left positive, about the ankle.
 
     Toes down, it turns about the ball of the foot, as when the heel lifts; toes up, about the ankle.
     """
@@ -40,6 +41,7 @@ class Foot:
     y: float = 0.0
     z: float = 0.0
     pitch: float = 0.0
+    yaw: float = 0.0
 
 
 def straight(upper: Vec, hinge: Vec = (1.0, 0.0, 0.3)) -> Arm:
@@ -74,8 +76,9 @@ HANG = Arm((0.02, 0.16, -1.0), (0.22, 0.10, -1.0))
 class Pose:
     """The whole body. Turns are axis times angle in radians: (lean right, nose down, turn left).
 
-    `shift`: the pelvis in metres (forward, left, up) from where it stands. `pelvis` turns it in the world, `spine` the
-    chest on the pelvis, `head` the head on the chest. `shrug`: radians by which both shoulders are lifted.
+    `shift`: the pelvis in metres (forward, left, up) from where it stands at first. `heading`: radians by which the
+    body has turned to the left since, whole turns included. `pelvis` turns it from there, `spine` the chest on the
+    pelvis, `head` the head on the chest. `shrug`: radians by which both shoulders are lifted.
     """
 
     right: Arm = HANG
@@ -87,12 +90,15 @@ class Pose:
     shrug: float = 0.0
     right_foot: Foot = Foot()
     left_foot: Foot = Foot()
+    heading: float = 0.0
 
 
 @dataclass(frozen=True)
 class Step:
     """Reach `pose` in `seconds`: `smooth` from rest to rest (minimum jerk), or, for what is not to stop on the way,
-    `launch` from rest up to speed and `brake` from speed to rest, both at an even acceleration."""
+    `launch` from rest up to speed and `brake` from speed to rest, both at an even acceleration. `flow` comes out of
+    the flow before and goes on into the next, where each number stops only to turn round or where it stays: a foot on
+    the floor does not move while the pelvis goes on."""
 
     seconds: float
     pose: Pose

@@ -31,6 +31,11 @@ _VALUES = (
     | {word: 20 + 10 * i for i, word in enumerate(_TENS)}
 )
 _ANGLE = r"(\d+(?:\.\d+)?) ?(?:degrees?\b|deg\b|°)"
+_NAMED_ANGLES = (  # of turns, the first that is found
+    (r"\beighth", 45), (r"\b(?:3|three)[- ]quarter", 270), (r"\bquarter", 90),
+    (r"\bfull (?:turn|circle)|\ball the way (?:a?round)|\bspin\w* a?round|\bcomplete turn", 360),
+    (r"\bhalf (?:left|right)\b", 45), (r"\bhalf\b|\ba?round\b|\babout[- ]face|\bother way\b", 180),
+)  # fmt: skip
 _TIMES = (
     r"\b(\d+) (?:more )?(?:times|steps?|bars?|squats?|jumps?|claps?|nods?|bows?|kicks?|punch(?:es)?|waves?|shrugs?)\b"
 )
@@ -57,13 +62,12 @@ def read(text: str) -> Request:
     said = _with_digits(text.lower().replace(" for me", ""))
     words = re.findall(r"[a-z]+", said)
     ranked = _ranked(words)
-    angle = re.search(_ANGLE, said)
     return Request(
         name=ranked[0] if ranked else None,
         nearest=tuple(ranked[:3]) or _USUAL,
         side=_side(words),
         count=_count(said),
-        degrees=float(angle[1]) if angle else None,
+        degrees=_degrees(said, turning=ranked[:1] == ["turn"]),
         speed=_factor(words, "speed"),
         amplitude=_factor(words, "amplitude"),
     )
@@ -115,10 +119,18 @@ def _side(words: list[str]) -> str | None:
 def _count(said: str) -> int | None:
     if re.search(r"\btwice\b", said):
         return 2
-    if re.search(r"\bonce\b", said):
+    if re.search(r"\bonce\b|\ba step\b", said):
         return 1
     found = re.search(_TIMES, said)
     return int(found[1]) if found else None
+
+
+def _degrees(said: str, *, turning: bool) -> float | None:
+    """The number of degrees, or, of a turn, the angle that its name says."""
+    if angle := re.search(_ANGLE, said):
+        return float(angle[1])
+    named = _NAMED_ANGLES if turning else ()
+    return next((float(degrees) for pattern, degrees in named if re.search(pattern, said)), None)
 
 
 def _factor(words: list[str], what: str) -> float | None:

@@ -6,9 +6,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motiongen.gestures.pose import STAND, Arm, Foot, Step
-from motiongen.rotation import Array, matrix_to_quat, rotvec_to_quat, slerp
+from motiongen.rotation import (
+    Array,
+    matrix_to_quat,
+    quat_continuous,
+    quat_mul,
+    quat_normalize,
+    rotvec_to_quat,
+    slerp,
+    yaw_quat,
+)
 
 # Seconds by which a joint follows the trunk: a chain of limbs unrolls from its root.
 LAG = {"spine": 0.02, "head": 0.0, "shrug": 0.02, "shoulder": 0.03, "elbow": 0.07, "wrist": 0.10}
@@ -19,7 +29,7 @@ LAST = max(LAG.values())
 class Track:
     """The channels over T frames. Quaternions `w x y z` (T, 4), of the pelvis in the world and of the others as a whole
     on what carries them; `shoulder`, `elbow`, `wrist` for (right, left), the shoulder in the chest's frame; `shrug`
-    (T,) in radians; `shift` (T, 3) in metres; `feet` for (right, left), (T, 4): x, y to the left, z, pitch."""
+    (T,) in radians; `shift` (T, 3) in metres; `feet` for (right, left), (T, 5): x, y to the left, z, pitch, yaw."""
 
     pelvis: Array
     spine: Array
@@ -41,6 +51,7 @@ EASES: dict[str, Callable[[Array], Array]] = {
     "smooth": min_jerk,
     "launch": lambda u: u * u,
     "brake": lambda u: 1 - (1 - u) ** 2,
+    "flow": lambda u: u,
 }
 
 
@@ -55,16 +66,19 @@ def play(steps: Sequence[Step], speed: float, fps: float) -> Track:
     ends = np.cumsum([0.0, *(step.seconds / speed for step in steps)])
     count = round(length(steps, speed) * fps) + 1
 
+    flows = np.array([step.ease == "flow" for step in steps])
+
     def blend(rows: Array, lag: float = 0.0) -> Array:
-        """(T, …) of keys (K, …): slerp where they are quaternions, a straight line where they are numbers."""
+        """Numbers (T, …) of keys (K, …)."""
         segment, u = _progress(ends, steps, np.arange(count) / fps - lag / speed)
-        a, b = rows[segment], rows[segment + 1]
         u = u.reshape(-1, *[1] * (rows.ndim - 1))
-        return a + u * (b - a)
+        return rows[segment] + u * (rows[segment + 1] - rows[segment]) + _bulge(rows, ends, flows, segment, u)
 
     def turn(rows: Array, lag: float = 0.0) -> Array:
+        """Quaternions (T, 4) of keys (K, 4)."""
         segment, u = _progress(ends, steps, np.arange(count) / fps - lag / speed)
-        return slerp(rows[segment], rows[segment + 1], u)
+        flowing = quat_normalize(blend(quat_continuous(rows), lag))  # near enough: its keys are some 30 degrees apart
+        return np.where(flows[segment, None], flowing, slerp(rows[segment], rows[segment + 1], u))
 
     def vec(name: str) -> Array:
         return np.array([getattr(pose, name) for pose in poses], float)
@@ -73,7 +87,7 @@ def play(steps: Sequence[Step], speed: float, fps: float) -> Track:
     parts = [[np.array([arm[i] for arm in side]) for i in range(3)] for side in arms]
     feet = [np.array([_foot(getattr(p, f"{side}_foot"), out) for p in poses]) for side, out in _SIDES]
     return Track(
-        pelvis=turn(rotvec_to_quat(vec("pelvis"))),
+        pelvis=quat_mul(yaw_quat(blend(vec("heading"))), turn(rotvec_to_quat(vec("pelvis")))),
         spine=turn(rotvec_to_quat(vec("spine")), LAG["spine"]),
         head=turn(rotvec_to_quat(vec("head")), LAG["head"]),
         shrug=blend(vec("shrug"), LAG["shrug"]),
@@ -100,8 +114,26 @@ def _progress(ends: Array, steps: Sequence[Step], at: Array) -> tuple[np.ndarray
     return segment, eased
 
 
-def _foot(foot: Foot, out: float) -> tuple[float, float, float, float]:
-    return foot.x, out * foot.y, foot.z, foot.pitch
+def _bulge(rows: Array, ends: Array, flows: NDArray[np.bool_], segment: NDArray[np.intp], u: Array) -> Array:
+    """What a monotone cubic through keys (K, …) at times `ends` has over straight lines, 0 where nothing flows.
+
+    Slopes at the keys are weighted harmonic means of those on both sides (Fritsch and Butland 1984), 0 where one of
+    these is or they differ in sign, so that nothing shoots over a key and what stands stays.
+    """
+    span = np.diff(ends).reshape(-1, *[1] * (rows.ndim - 1))
+    line = np.diff(rows, axis=0) / np.maximum(span, 1e-9)
+    before, after = span[:-1] + 2 * span[1:], 2 * span[:-1] + span[1:]
+    on = (line[:-1] * line[1:] > 0) & (flows[:-1] & flows[1:]).reshape(-1, *[1] * (rows.ndim - 1))
+    slope = np.zeros_like(rows)
+    one, other = np.where(on, line[:-1], 1.0), np.where(on, line[1:], 1.0)
+    slope[1:-1] = np.where(on, (before + after) / (before / one + after / other), 0.0)
+    start, end = slope[segment] - line[segment], slope[segment + 1] - line[segment]
+    bulge = span[segment] * u * (1 - u) * (start * (1 - u) - end * u)
+    return np.where(flows[segment].reshape(u.shape), bulge, 0.0)
+
+
+def _foot(foot: Foot, out: float) -> tuple[float, float, float, float, float]:
+    return foot.x, out * foot.y, foot.z, foot.pitch, foot.yaw
 
 
 def _arm(arm: Arm, out: float) -> tuple[Array, Array, Array]:

@@ -1,6 +1,6 @@
 """Reads from a text what a motion can be measured for: "bow, then wave twice with the left hand" → `Asked`.
 
-Gestures are recognised as the gesture generator does; going and turning, which are no gestures, by their verbs.
+Gestures are recognised as the gesture generator does; going, and turning on the way, by their verbs.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from motiongen.text.claims import COUNTED, NEAR_DEG, UNTIMED, USUAL_S, USUAL_SPE
 _ACTIONS = {
     "wave": "wave", "nod": "nod", "shake-head": "shake", "clap": "clap", "bow": "bow", "squat": "squat", "jump": "jump",
     "march": "step", "raise-arm": "raise", "raise-arm-sideways": "raise",
+    "turn": "turn", "step-forward": "step", "step-back": "step", "sidestep": "step",
 }  # fmt: skip
 _BY_LEG = ("stand-on-one-leg", "raise-knee", "kick")
 _BY_HAND = (
@@ -30,7 +31,6 @@ _AT_ONCE = re.compile(r"\b(?:at the same time|meanwhile|simultaneously)\b")
 _AND = re.compile(r"\s+and\s+")
 _RUN = re.compile(r"\b(?:run|jog|sprint|dash)\w*")
 _WALK = re.compile(r"\b(?:walk|stroll|march)\w*")
-_STEPS = re.compile(r"\bsteps?\b")
 _UP = re.compile(r"\b(?:arms?|hands?)\b.*\b(?:up|in the air)\b")
 _TURN = re.compile(r"\b(?:turn|rotat|spin|corner|curve)\w*\b(?!.*\b(?:head|body|eyes|face)\b)")
 _ASIDE = re.compile(r"\bsidestep\w*|\bshuffles?\b|\b(?:walk|step|mov)\w* sideways|\bwithout turning\b")
@@ -75,12 +75,12 @@ def _claim(text: str) -> Claim | None:
 
 
 def _action(text: str, said: Request) -> str | None:
+    if said.name == "sidestep" and said.count is not None:
+        return "step"
     if _ASIDE.search(text):
         return "aside"
     if _TURN.search(text):
         return "turn"
-    if _STEPS.search(text) and said.name in (None, "march"):
-        return "step"
     if said.name in _ACTIONS:
         return _ACTIONS[said.name]
     if said.name in _BY_HAND:
