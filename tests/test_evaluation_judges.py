@@ -228,7 +228,7 @@ def test_training_learns_and_goes_on_from_a_checkpoint(
     untrained = Judge(whole.about, fresh, whole.mean, whole.std)
     if kind == "tmr":  # the margin loss of "guo" stays on its first plateau for longer than a test may take
         assert own_rank(load_judge(tmp_path / "whole" / JUDGE)) < min(0.35, own_rank(untrained))
-    with pytest.raises(ValueError, match="checkpoint of kind"):
+    with pytest.raises(ValueError, match="of another network"):
         train(data, tmp_path / "whole", replace(config, kind="tmr" if kind == "guo" else "guo"))
 
 

@@ -7,8 +7,9 @@ import pytest
 import torch
 from motions import skeleton, walk
 
-from motiongen.diffusion.losses import LossWeights, joint_positions, loss, world_velocity
-from motiongen.diffusion.mdm import Mdm, MdmConfig
+from motiongen.diffusion.configs import LossWeights, MdmConfig
+from motiongen.diffusion.losses import joint_positions, loss, world_velocity
+from motiongen.diffusion.mdm import Mdm
 from motiongen.diffusion.mdm_run import denoise
 from motiongen.features import motion_to_features
 from motiongen.rotation import quat_conj, quat_rotate, yaw_of_quat, yaw_quat
@@ -86,7 +87,7 @@ def test_numpy_runs_the_same_network(model: Mdm) -> None:
     given["word_mask"][0, 3:] = False
     arrays = {k: v.numpy() for k, v in given.items()} | {"t": 0.4}
     tensors = {k: v.numpy() for k, v in model.state_dict().items()}
-    out = denoise(tensors, SMALL.patch, SMALL.heads, **arrays)
+    out = denoise(tensors, {"patch": SMALL.patch, "heads": SMALL.heads}, **arrays)
     assert np.abs(out - model(**given).numpy()).max() < 2e-5
 
 
@@ -116,12 +117,21 @@ def test_velocity_is_the_finite_difference_of_world_positions() -> None:
 def test_a_perfect_guess_costs_only_the_slip_of_real_feet() -> None:
     features, offsets = walked()
     frames = torch.ones(features.shape[:2], dtype=torch.bool)
-    mean, std = torch.zeros(140), torch.ones(140)
-    terms = loss(features, features, frames, mean, std, offsets, LossWeights())
+    mean, std, one = torch.zeros(140), torch.ones(140), torch.ones(1)
+    terms = loss(features, features, frames, frames, one, mean, std, offsets, LossWeights())
     assert terms["feature"] == terms["position"] == terms["velocity"] == 0
-    off = loss(features + 0.1, features, frames, mean, std, offsets, LossWeights())
+    off = loss(features + 0.1, features, frames, frames, one, mean, std, offsets, LossWeights())
     assert off["feature"].item() == pytest.approx(0.01, rel=1e-4)
     assert off["total"] > terms["total"]
+
+
+def test_a_clip_counts_by_its_weight() -> None:
+    features, offsets = walked()
+    two, frames = torch.cat([features, features]), torch.ones(2, features.shape[1], dtype=torch.bool)
+    wrong = two + torch.tensor([0.1, 0.3])[:, None, None]
+    mean, std = torch.zeros(140), torch.ones(140)
+    terms = loss(wrong, two, frames, frames, torch.tensor([2.0, 0.5]), mean, std, offsets, LossWeights())
+    assert terms["feature"].item() == pytest.approx((2 * 0.01 + 0.5 * 0.09) / 2, rel=1e-4)
 
 
 def test_skeleton_of_the_tests_has_the_models_joints() -> None:

@@ -8,7 +8,8 @@ import torch
 from attention import written_out
 
 from motiongen.diffusion import motiondiffuse, motiondiffuse_run
-from motiongen.diffusion.motiondiffuse import MotionDiffuse, MotionDiffuseConfig, Stylize, noise_loss, noise_weight
+from motiongen.diffusion.configs import MotionDiffuseConfig
+from motiongen.diffusion.motiondiffuse import MotionDiffuse, Stylize, noise_loss, noise_weight
 from motiongen.diffusion.schedule import LINEAR
 
 SMALL = MotionDiffuseConfig(
@@ -158,10 +159,11 @@ def test_the_loss_is_the_error_of_the_noise_and_balanced_that_of_the_clean_featu
     frames = torch.ones(5, 4, dtype=torch.bool)
     frames[2, 1:] = False
     error = (guess - noise)[frames].square().mean()
-    assert noise_loss(guess, noise, frames, torch.ones(5)).item() == pytest.approx(error.item())
+    assert noise_loss(guess, noise, frames, frames, torch.ones(5)).item() == pytest.approx(error.item())
     counts = np.clip((alpha / sigma).numpy() ** 2, 1, 5)[:, None, None] * frames.numpy()[..., None]
     balanced = (counts * off.numpy() ** 2).sum() / frames.sum() / 10
-    assert noise_loss(guess, noise, frames, noise_weight(alpha, sigma)).item() == pytest.approx(balanced.item())
+    weighed = noise_loss(guess, noise, frames, frames, noise_weight(alpha, sigma))
+    assert weighed.item() == pytest.approx(balanced.item())
 
 
 def test_the_configs_in_the_tree_have_the_size_that_is_said() -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 
-import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from motiongen.data.clip import Clip, SourceError
 from motiongen.data.dataset import (
@@ -22,12 +22,14 @@ from motiongen.data.dataset import (
     read_head,
     read_shards,
     shard_name,
+    statistics,
+    write_line,
 )
 from motiongen.data.pictures import different, draw_clips
 from motiongen.data.read_clips import Features, Line, read_clips
 from motiongen.data.report import report
 from motiongen.data.sources import absolute, find_all
-from motiongen.features import WIDTH, mirror
+from motiongen.features import WIDTH
 from motiongen.files import replacing
 
 SHARD_BYTES = 10_000_000  # what an interruption can lose: some ten minutes of motion, seconds of work
@@ -77,7 +79,7 @@ def _prepare(out: Path, head: Head) -> bool:
         if out.is_dir() and any(out.iterdir()):
             raise DatasetError(f"{out}: not empty and not a data set; name another folder")
         out.mkdir(parents=True, exist_ok=True)
-        _write(out / "dataset.json", msgspec.json.encode(head))
+        _write(out / "dataset.json", json.dumps(asdict(head)).encode())
         return False
     there = read_head(out)
     if (there.sources, there.clips) != (head.sources, head.clips):
@@ -113,7 +115,7 @@ def _write_shards(
             _write_shard(out, number, rows, lines)
             rows, lines, start, number = [], [], 0, number + 1
         rows.append(features)
-        lines.append(msgspec.structs.replace(line, start=start) if isinstance(line, Entry) else line)
+        lines.append(replace(line, start=start) if isinstance(line, Entry) else line)
         start += len(features)
         progress(at, len(clips))
     if lines:
@@ -124,7 +126,7 @@ def _write_shard(out: Path, number: int, rows: Sequence[Features], lines: Sequen
     """The features first: whoever sees the lines finds a whole shard."""
     with replacing(out / f"{shard_name(number)}.npy") as temporary:
         np.save(temporary, np.concatenate(rows), allow_pickle=False)
-    _write(out / f"{shard_name(number)}.jsonl", msgspec.json.Encoder().encode_lines(lines))
+    _write(out / f"{shard_name(number)}.jsonl", "".join(map(write_line, lines)).encode())
 
 
 def _finish(out: Path, head: Head) -> None:
@@ -133,10 +135,10 @@ def _finish(out: Path, head: Head) -> None:
     if not found.entries:
         first = found.skipped[0]
         raise SourceError(f"none of the {head.clips} clips can be read; the first, {first.name}: {first.why}")
-    mean, std = _statistics(found.features(i) for i, entry in enumerate(found.entries) if entry.split == "train")
+    mean, std = statistics(found.features(i) for i, entry in enumerate(found.entries) if entry.split == "train")
     _write(out / "report.md", report(found, _pictured(found, out / "report.png")).encode())
-    finished = msgspec.structs.replace(head, finished=True, mean=mean, std=std)
-    _write(out / "dataset.json", msgspec.json.encode(finished))
+    finished = replace(head, finished=True, mean=mean, std=std)
+    _write(out / "dataset.json", json.dumps(asdict(finished)).encode())
 
 
 def _pictured(found: Dataset, path: Path) -> bool:
@@ -146,20 +148,6 @@ def _pictured(found: Dataset, path: Path) -> bool:
     except ModuleNotFoundError:
         return False
     return True
-
-
-def _statistics(clips: Iterable[NDArray[np.float32]]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Mean and standard deviation (140,) of all frames and their mirror images; empty without clips."""
-    count, total, squares = 0, np.zeros(WIDTH), np.zeros(WIDTH)
-    for clip in clips:
-        for rows in (clip, mirror(clip)):
-            count += len(rows)
-            total += rows.sum(axis=0, dtype=np.float64)
-            squares += np.square(rows, dtype=np.float64).sum(axis=0)
-    if not count:
-        return (), ()
-    mean = total / count
-    return tuple(mean.tolist()), tuple(np.sqrt(np.maximum(squares / count - mean**2, 0.0)).tolist())
 
 
 def _write(path: Path, content: bytes) -> None:

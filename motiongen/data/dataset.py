@@ -10,11 +10,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,7 +29,8 @@ class DatasetError(ValueError):
     """A folder that is no data set, or not a whole one; the message names it and says what to do."""
 
 
-class Head(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class Head:
     """What `dataset.json` says. `clips`: how many the sources hold; `stamp` changes when they do.
 
     `mean` and `std` (140) are over the clips of the training split and their mirror images; empty until the build is
@@ -44,7 +46,8 @@ class Head(msgspec.Struct, frozen=True):
     std: tuple[float, ...] = ()
 
 
-class Entry(msgspec.Struct, frozen=True, tag="clip"):
+@dataclass(frozen=True)
+class Entry:
     """One clip: `frames` rows of its shard from row `start` on; `offsets` (22, 3) in metres of its skeleton."""
 
     name: str
@@ -66,11 +69,16 @@ class Entry(msgspec.Struct, frozen=True, tag="clip"):
         return self.frames / FPS
 
 
-class Skipped(msgspec.Struct, frozen=True, tag="skipped"):
+@dataclass(frozen=True)
+class Skipped:
     """A clip that could not be read, and why."""
 
     name: str
     why: str
+
+
+_KINDS = {Entry: "clip", Skipped: "skipped"}
+_DAMAGE = (ValueError, KeyError, TypeError, AttributeError)  # whatever comes of JSON that is not as it was written
 
 
 @dataclass(frozen=True)
@@ -144,12 +152,14 @@ def read_head(folder: Path) -> Head:
     if not path.is_file():
         raise DatasetError(f"{folder}: not a data set (no dataset.json in it); rigcast data build makes one")
     try:
-        version = msgspec.json.decode(path.read_bytes(), type=dict)["version"]
-        if version != VERSION:
-            raise DatasetError(f"{folder}: format version {version}, this rigcast reads {VERSION}; build it anew")
-        return msgspec.json.decode(path.read_bytes(), type=Head)
-    except (msgspec.DecodeError, KeyError):
+        fields = _frozen(json.loads(path.read_bytes()))
+        version = fields["version"]
+        head = Head(**fields) if version == VERSION else None
+    except _DAMAGE:
         raise DatasetError(f"{path}: damaged; build the data set anew") from None
+    if head is None:
+        raise DatasetError(f"{folder}: format version {version}, this rigcast reads {VERSION}; build it anew")
+    return head
 
 
 def read_shards(folder: Path) -> list[list[Entry | Skipped]]:
@@ -157,10 +167,44 @@ def read_shards(folder: Path) -> list[list[Entry | Skipped]]:
     shards: list[list[Entry | Skipped]] = []
     while (path := folder / f"{shard_name(len(shards))}.jsonl").is_file():
         try:
-            shards.append(msgspec.json.Decoder(Entry | Skipped).decode_lines(path.read_bytes()))
-        except msgspec.DecodeError:
+            shards.append([_read_line(line) for line in path.read_bytes().splitlines()])
+        except _DAMAGE:
             raise DatasetError(f"{path}: damaged; build the data set anew") from None
     return shards
+
+
+def statistics(clips: Iterable[NDArray[np.float32]]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Mean and standard deviation (140,) of all frames and their mirror images; empty without clips."""
+    count, total, squares = 0, np.zeros(WIDTH), np.zeros(WIDTH)
+    for clip in clips:
+        for rows in (clip, mirror(clip)):
+            count += len(rows)
+            total += rows.sum(axis=0, dtype=np.float64)
+            squares += np.square(rows, dtype=np.float64).sum(axis=0)
+    if not count:
+        return (), ()
+    mean = total / count
+    return tuple(mean.tolist()), tuple(np.sqrt(np.maximum(squares / count - mean**2, 0.0)).tolist())
+
+
+def write_line(line: Entry | Skipped) -> str:
+    """A clip's line in a shard's `.jsonl`."""
+    return json.dumps({"type": _KINDS[type(line)], **vars(line)}, ensure_ascii=False) + "\n"
+
+
+def _read_line(text: bytes) -> Entry | Skipped:
+    fields = _frozen(json.loads(text))
+    kind = fields.pop("type")
+    return (Entry if kind == _KINDS[Entry] else Skipped)(**fields)
+
+
+def _frozen(fields: dict[str, Any]) -> dict[str, Any]:
+    """Fields as JSON has them, with tuples for its lists."""
+
+    def frozen(value: Any) -> Any:
+        return tuple(map(frozen, value)) if isinstance(value, list) else value
+
+    return {name: frozen(value) for name, value in fields.items()}
 
 
 def shard_name(number: int) -> str:

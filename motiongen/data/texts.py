@@ -1,25 +1,27 @@
 """Text vectors of many captions, encoded once and kept in a folder beside what needs them.
 
-A part of the cache is four files. `texts-0000.json` lists its captions; `texts-0000-words.npy`, memory-mapped, holds
-one row a token of all of them in half precision; `-starts.npy` and `-sentences.npy` have one row a caption. Captions
-that no part has become a new part.
+Reading them takes numpy alone: where all captions are encoded, no encoder is loaded, nor need it be there.
+
+A part of the cache is four files of at most 30 MB. `texts-0000.json` lists its captions; `texts-0000-words.npy`,
+memory-mapped, holds one row a token of all of them in half precision; `-starts.npy` and `-sentences.npy` have one row a
+caption. Captions that no part has become new parts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.data.dataset import Dataset
 from motiongen.files import replacing
-from motiongen.text.encoder import MAX_TOKENS, WIDTH, TextEncoder
 
 _BATCH = 256
+_PART_BYTES = 30_000_000  # of a part's largest file
 _ARRAYS = ("words", "starts", "sentences")
 
 
@@ -47,7 +49,7 @@ class Texts:
         said = [self._words(caption) for caption in captions]
         counts = np.array([len(each) for each in said])
         mask = np.arange(counts.max()) < counts[:, None]
-        words = np.zeros((*mask.shape, WIDTH), np.float32)
+        words = np.zeros((*mask.shape, said[0].shape[1]), np.float32)
         words[mask] = np.concatenate(said)
         return words, mask, self.sentences(captions)
 
@@ -72,16 +74,16 @@ def encode_texts(
     folder.mkdir(parents=True, exist_ok=True)
     texts = _read(folder)
     missing = sorted(set(captions) - set(texts.place), key=lambda c: (len(c), c))  # of like length: less padding
-    if missing:
-        name = f"texts-{len(texts.parts):04d}"
-        arrays = _encode(missing, progress)
+    if not missing:
+        return texts
+    for number, (said, part) in enumerate(_encode(missing, progress), start=len(texts.parts)):
+        name = f"texts-{number:04d}"
         for kind in _ARRAYS:
             with replacing(folder / f"{name}-{kind}.npy") as temporary:
-                np.save(temporary, getattr(arrays, kind), allow_pickle=False)
+                np.save(temporary, getattr(part, kind), allow_pickle=False)
         with replacing(folder / f"{name}.json") as temporary:  # last: whoever sees it finds the part whole
-            temporary.write_bytes(msgspec.json.encode(missing))
-        texts = _read(folder)
-    return texts
+            temporary.write_text(json.dumps(said), encoding="utf-8")
+    return _read(folder)
 
 
 def data_texts(
@@ -95,7 +97,7 @@ def _read(folder: Path) -> Texts:
     place: dict[str, tuple[int, int]] = {}
     parts: list[_Part] = []
     while (path := folder / f"texts-{len(parts):04d}.json").is_file():
-        captions = msgspec.json.decode(path.read_bytes(), type=list[str])
+        captions = json.loads(path.read_text(encoding="utf-8"))
         place |= {caption: (len(parts), row) for row, caption in enumerate(captions)}
         words, starts, sentences = (  # plain arrays on the mapped memory: numpy's memmap takes its time for every row
             np.asarray(np.load(path.with_name(f"{path.stem}-{kind}.npy"), mmap_mode="r", allow_pickle=False))
@@ -105,15 +107,30 @@ def _read(folder: Path) -> Texts:
     return Texts(place, tuple(parts))
 
 
-def _encode(captions: Sequence[str], progress: Callable[[int, int], None]) -> _Part:
+def _encode(captions: Sequence[str], progress: Callable[[int, int], None]) -> Iterator[tuple[list[str], _Part]]:
+    """Captions and their part, as many at a time as a part holds."""
+    from motiongen.text.encoder import TextEncoder
+
     encoder = TextEncoder()
-    words = np.zeros((len(captions) * MAX_TOKENS, WIDTH), np.float16)
-    starts, sentences = np.zeros(len(captions) + 1, np.int64), np.zeros((len(captions), WIDTH), np.float32)
+    said: list[str] = []
+    encoded: list[tuple[list[NDArray[np.float16]], NDArray[np.float32]]] = []
+    room = _PART_BYTES
     for at in range(0, len(captions), _BATCH):
         progress(at, len(captions))
-        vectors, mask, said = encoder(list(captions[at : at + _BATCH]))
-        starts[at + 1 : at + 1 + len(said)] = starts[at] + np.cumsum(mask.sum(1))
-        words[starts[at] : starts[at + len(said)]] = vectors[mask]
-        sentences[at : at + len(said)] = said
+        batch = list(captions[at : at + _BATCH])
+        vectors, mask, sentences = encoder(batch)
+        words = [clip[real].astype(np.float16) for clip, real in zip(vectors, mask, strict=True)]
+        size = sum(clip.nbytes for clip in words)
+        if said and size > room:
+            yield said, _part(encoded)
+            said, encoded, room = [], [], _PART_BYTES
+        said, room = said + batch, room - size
+        encoded.append((words, sentences))
     progress(len(captions), len(captions))
-    return _Part(words[: starts[-1]], starts, sentences)
+    yield said, _part(encoded)
+
+
+def _part(encoded: Sequence[tuple[list[NDArray[np.float16]], NDArray[np.float32]]]) -> _Part:
+    words = [clip for batch, _ in encoded for clip in batch]
+    starts = np.cumsum([0, *map(len, words)])
+    return _Part(np.concatenate(words), starts, np.concatenate([sentences for _, sentences in encoded]))

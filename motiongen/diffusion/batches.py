@@ -38,12 +38,14 @@ class Scale:
 @dataclass(frozen=True)
 class Batch:
     """`x` (B, T, 140) normalised features, `frames` (B, T) which count, `captions` (B) and `actions` (B) of them, an
-    action "" where a clip shows more than one. T is a multiple of the patch that was asked for."""
+    action "" where a clip shows more than one. T is a multiple of the patch that was asked for. `whole` (N, T): the
+    `frames` of all clips of the batch, where these B are a share of them."""
 
     x: Floats
     frames: NDArray[np.bool_]
     captions: tuple[str, ...]
     actions: tuple[str, ...]
+    whole: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -72,20 +74,21 @@ class Batches:
         clips = [int(i) for i in self._rows]
         return sorted({c for i in clips for mirrored in (False, True) for c in self._data.captions(i, mirrored)})
 
-    def draw(self, number: int) -> Batch:
-        """Batch `number`; the same for the same seed and data."""
+    def draw(self, number: int, share: slice = slice(None)) -> Batch:
+        """Batch `number`, or the `share` of its clips; the same for the same seed and data."""
         group, place = divmod(number, TOGETHER)
         if self._drawn[0] != group:
             self._drawn = (group, self._group(group))
         picks = self._drawn[1][place]
         length = self._patch * math.ceil(max(p.frames for p in picks) / self._patch)
+        whole = np.arange(length) < np.array([[p.frames] for p in picks])
+        picks = picks[share]
         x = np.zeros((len(picks), length, len(self._scale.mean)), np.float32)
-        frames = np.arange(length) < np.array([[p.frames] for p in picks])
         for out, pick in zip(x, picks, strict=True):
             clip = self._features(pick.clip, pick.mirrored)[pick.start : pick.start + pick.frames]
             out[: pick.frames] = (clip - self._scale.mean) / self._scale.std
         actions = tuple(action_of(self._data.entries[p.clip], p.mirrored) for p in picks)
-        return Batch(x, frames, tuple(p.caption for p in picks), actions)
+        return Batch(x, whole[share], tuple(p.caption for p in picks), actions, whole)
 
     def _group(self, group: int) -> list[list[_Pick]]:
         rng = np.random.default_rng([self._seed, group])

@@ -1,22 +1,19 @@
-"""Make the weights file from a training run's last checkpoint.
-
-python -m motiongen.diffusion.export runs/data runs/mdm motiongen/weights/mdm.safetensors
-"""
+"""Make the weights file of a training run: the network, how long motions last, and what it knows to be known."""
 
 from __future__ import annotations
 
-import json
-import sys
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from safetensors.numpy import load_file
 
-from motiongen.data.dataset import Dataset, Entry, open_dataset
+from motiongen.data.dataset import Dataset, Entry
+from motiongen.data.free import free_only, licences
 from motiongen.data.texts import Texts, data_texts
 from motiongen.diffusion.batches import CUT, LONGEST
+from motiongen.diffusion.checkpoint import CHECKPOINT, read_checkpoint
 from motiongen.diffusion.lengths import fit_lengths
+from motiongen.diffusion.run_folder import read_run
 from motiongen.diffusion.weights import Bank, Weights, load_weights, save_weights
 from motiongen.features import FPS
 from motiongen.nn import Floats, Tensors
@@ -88,11 +85,14 @@ def _seconds(caption: str, entry: Entry) -> float:
     return min(entry.seconds, ENDLESS_S if endless else LONGEST / FPS)
 
 
-def export(data: Dataset, run: Path, path: Path) -> Weights:
-    """Write the averaged weights of the run's last checkpoint to `path` and read them back."""
-    config = json.loads((run / "config.json").read_text())
-    tensors, scale = load_file(run / "checkpoint.safetensors"), load_file(run / "scale.safetensors")
-    network = {k.removeprefix("average."): v for k, v in tensors.items() if k.startswith("average.")}
+def export(data: Dataset, folder: Path, path: Path) -> Weights:
+    """Write the averaged weights of the last checkpoint of the run in `folder` to `path` and read them back.
+
+    `data` is what the run was trained on; from it come the bank, the lengths and the licences. Raises RunError or
+    CheckpointError where the run is missing or damaged, DatasetError where no clip of `data` was for this run.
+    """
+    run, tensors = read_run(folder), read_checkpoint(folder / CHECKPOINT)
+    data = free_only(data) if run.config["free"] else data
     texts = data_texts(data, [c for c, _, _ in _said(data)])
     learnt = [e for e in data.entries if e.split == "train"]
     hours = sum(e.seconds for e in learnt) / 3600
@@ -101,30 +101,26 @@ def export(data: Dataset, run: Path, path: Path) -> Weights:
         "clips": str(len(learnt)),
         "hours": f"{hours:.1f}",
         "steps": str(int(tensors["step"])),
-        "batch": str(config["batch"]),
-        "seed": str(config["seed"]),
+        "batch": str(run.config["batch"]),
+        "seed": str(run.config["seed"]),
     }
-    licence = "; ".join(sorted({e.licence for e in learnt}))
     made = Weights(
-        network,
-        config["model"]["patch"],
-        config["model"]["heads"],
-        LONGEST,
-        scale["mean"],
-        scale["std"],
-        scale["offsets"],
-        make_lengths(data, texts),
-        make_bank(data, texts),
-        licence,
-        training,
-        "",
+        tensors={k.removeprefix("average."): v.numpy() for k, v in tensors.items() if k.startswith("average.")},
+        network=run.config["network"],
+        sizes=run.config["model"] | {"actions": len(run.actions)},
+        schedule=run.config["schedule"],
+        prediction=run.config["prediction"],
+        unconditioned=run.config["drop_text"] > 0,
+        actions=run.actions,
+        window=LONGEST,
+        mean=run.scale.mean,
+        std=run.scale.std,
+        offsets=run.scale.offsets,
+        lengths=make_lengths(data, texts),
+        bank=make_bank(data, texts),
+        licence="; ".join(licences("; ".join({e.licence for e in learnt}))),
+        training=training,
+        digest="",
     )
     save_weights(made, path)
     return load_weights(path)
-
-
-if __name__ == "__main__":
-    if len(sys.argv) != 4:
-        sys.exit("usage: python -m motiongen.diffusion.export DATASET RUN OUT.safetensors")
-    done = export(open_dataset(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3]))
-    print(f"{sys.argv[3]}: {Path(sys.argv[3]).stat().st_size / 1e6:.2f} MB, {done.digest}, {done.training}")

@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from motiongen.diffusion.configs import LossWeights
 from motiongen.features import CONTACTS, FPS, HEIGHT, PLANAR, TURNS, YAW
 from motiongen.motion import FOOT_JOINTS, SMPL_JOINTS, SMPL_PARENTS
 
 _FEET = [SMPL_JOINTS.index(n) for n in FOOT_JOINTS]
-
-
-@dataclass(frozen=True)
-class LossWeights:
-    """Weights; a position error of 0.1 m, a speed error of 0.5 m/s and a foot speed of 0.5 m/s count as 1."""
-
-    position: float = 0.5
-    velocity: float = 0.25
-    foot: float = 0.25
 
 
 def joint_positions(features: Tensor, offsets: Tensor) -> Tensor:
@@ -72,13 +62,24 @@ def world_velocity(features: Tensor, joints: Tensor) -> Tensor:
 
 
 def loss(
-    guess: Tensor, clean: Tensor, frames: Tensor, mean: Tensor, std: Tensor, offsets: Tensor, w: LossWeights
+    guess: Tensor,
+    clean: Tensor,
+    frames: Tensor,
+    whole: Tensor,
+    weight: Tensor,
+    mean: Tensor,
+    std: Tensor,
+    offsets: Tensor,
+    w: LossWeights,
 ) -> dict[str, Tensor]:
-    """Terms by name, `total` among them, of normalised features (B, T, 140); `frames` (B, T): which count."""
-    real = frames.to(guess.dtype)
-    share = real / real.sum()
-    pair = real[:, 1:] * real[:, :-1]
-    pair = pair / pair.sum()
+    """Terms by name, `total` among them, of normalised features (B, T, 140); `frames` (B, T): which count; `weight`
+    (B,): how much each clip does.
+
+    `whole` (N, T): `frames` of all clips that the means go over, where these B are a share of them; the terms of the
+    shares add up to those of the whole.
+    """
+    pair = (frames[:, 1:] & frames[:, :-1]) / (whole[:, 1:] & whole[:, :-1]).sum() * weight[:, None]
+    share = frames / whole.sum() * weight[:, None]
     said, true = guess * std + mean, clean * std + mean
     joints = joint_positions(said, offsets)
     speed = world_velocity(said, joints)

@@ -9,30 +9,14 @@ place from the start and from the end, so that five claps can be laid out over t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from motiongen.diffusion.configs import MdmConfig
+
 TO_END = 64  # waves that tell how many tokens are left
-
-
-@dataclass(frozen=True)
-class MdmConfig:
-    """Sizes. `patch`: frames to a token; `text`: width of the text encoder's vectors; `actions`: how many are known."""
-
-    form: Literal["encoder", "decoder"] = "decoder"
-    features: int = 140
-    patch: int = 6
-    width: int = 256
-    layers: int = 4
-    heads: int = 4
-    feed_forward: int = 768
-    text: int = 384
-    dropout: float = 0.0
-    actions: int = 0
 
 
 class Attention(nn.Module):

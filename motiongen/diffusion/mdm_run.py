@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,8 +12,7 @@ from motiongen.nn import Floats, Tensors, attention, gelu, layer_norm, linear, s
 
 def denoise(
     w: Tensors,
-    patch: int,
-    heads: int,
+    sizes: Mapping[str, int],
     x: Floats,
     t: float,
     frames: NDArray[np.bool_],
@@ -21,7 +22,11 @@ def denoise(
     keep: NDArray[np.bool_],
     action: NDArray[np.int_] | None = None,
 ) -> Floats:
-    """Estimate of x_0 (B, T, features); the arguments are those of `Mdm.forward`, with one `t` for the batch."""
+    """Estimate of x_0 (B, T, features); the arguments are those of `Mdm.forward`, with one `t` for the batch.
+
+    `sizes`: the config's `patch` and `heads`.
+    """
+    patch, heads = sizes["patch"], sizes["heads"]
     batch, length, features = x.shape
     tokens = linear(x.reshape(batch, length // patch, patch * features), w, "read")
     width = tokens.shape[-1]

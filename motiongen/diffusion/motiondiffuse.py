@@ -7,34 +7,15 @@ level (Eq. 9). Every token is told its place from the start and from the end.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from motiongen.diffusion.configs import MotionDiffuseConfig
 from motiongen.diffusion.mdm import TO_END, Attention, waves
 from motiongen.diffusion.schedule import LEVELS, LINEAR
 
 LEAST, MOST = 1.0, 5.0  # how much an error of the clean features counts, from the noisiest level to the cleanest
-
-
-@dataclass(frozen=True)
-class MotionDiffuseConfig:
-    """Sizes. `patch`: frames to a token; `text`: width of the text encoder's vectors, `text_width` of what the network
-    makes of them and of the condition e; `actions`: how many are known."""
-
-    features: int = 140
-    patch: int = 6
-    width: int = 256
-    layers: int = 4
-    heads: int = 4
-    feed_forward: int = 320
-    text: int = 384
-    text_width: int = 128
-    text_layers: int = 2
-    text_feed_forward: int = 192
-    actions: int = 0
 
 
 def efficient_attention(q: Tensor, k: Tensor, v: Tensor, mask: Tensor, heads: int) -> Tensor:
@@ -202,9 +183,12 @@ class MotionDiffuse(nn.Module):
         return log.exp(), (-torch.expm1(2 * log)).sqrt()
 
 
-def noise_loss(guess: Tensor, noise: Tensor, frames: Tensor, weight: Tensor) -> Tensor:
-    """Eq. 4: the mean squared error of ε (B, T, features) over `frames` (B, T), each clip's by its `weight` (B,)."""
-    share = frames * weight[:, None] / frames.sum()
+def noise_loss(guess: Tensor, noise: Tensor, frames: Tensor, whole: Tensor, weight: Tensor) -> Tensor:
+    """Eq. 4: the mean squared error of ε (B, T, features) over `frames` (B, T), each clip's by its `weight` (B,).
+
+    `whole` (N, T): `frames` of all clips that the mean goes over, where these B are a share of them.
+    """
+    share = frames * weight[:, None] / whole.sum()
     return ((guess - noise).square().mean(-1) * share).sum()
 
 

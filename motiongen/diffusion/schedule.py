@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LEVELS = 1000  # of the published chains
-_OFFSET = 0.008  # Nichol & Dhariwal 2021, Eq. 17: keeps the first noise levels from vanishing
+OFFSET = 0.008  # Nichol & Dhariwal 2021, Eq. 17: keeps the first noise levels from vanishing
 _MIN_SIGNAL = 1e-3  # their cap on β in effect: the last level stays invertible
 _LOG_SIGNAL = np.concatenate([[0.0], np.cumsum(np.log1p(-np.linspace(1e-4, 0.02, LEVELS))) / 2])
 _FINE = 1_000_000  # a grid's times are whole multiples of 1 / _FINE
@@ -45,8 +45,8 @@ class Schedule:
 
 
 def _cosine(t: float) -> float:
-    start = math.cos(_OFFSET / (1 + _OFFSET) * math.pi / 2)
-    return max(_MIN_SIGNAL, math.cos((t + _OFFSET) / (1 + _OFFSET) * math.pi / 2) / start)
+    start = math.cos(OFFSET / (1 + OFFSET) * math.pi / 2)
+    return max(_MIN_SIGNAL, math.cos((t + OFFSET) / (1 + OFFSET) * math.pi / 2) / start)
 
 
 def _linear(t: float) -> float:

@@ -1,176 +1,196 @@
-"""Train the text-to-motion model on a data set; resumes from its last checkpoint.
+"""Train a text-to-motion network on a data set; goes on from its last checkpoint as if it had never stopped.
 
-python -m motiongen.diffusion.train runs/data runs/mdm --steps 12000
+What a step draws depends on its number and the seed alone. Under `torchrun` every process takes its share of each
+batch, and gradients add up to those of the whole. Only torch, numpy and safetensors are imported, so that it runs
+wherever they are; `rigcast train` puts the bar, the log and the films around it.
 """
 
 from __future__ import annotations
 
-import json
+import math
 import time
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from statistics import fmean
 
 import torch
-import tyro
-from rich.progress import Progress
-from safetensors.numpy import load_file as load_arrays
-from safetensors.numpy import save_file as save_arrays
-from safetensors.torch import load_file, save_file
-from torch import Tensor
+from torch import Tensor, nn
+from torch.func import functional_call
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from motiongen.data.dataset import Dataset, open_dataset
+from motiongen.data.dataset import Dataset
+from motiongen.data.free import free_only
 from motiongen.data.texts import Texts, data_texts
-from motiongen.diffusion.batches import Batches, Scale, actions_of, scale_of
-from motiongen.diffusion.losses import LossWeights, loss
-from motiongen.diffusion.mdm import Mdm, MdmConfig
-from motiongen.diffusion.schedule import COSINE
-from motiongen.files import replacing
+from motiongen.diffusion.batches import Batches
+from motiongen.diffusion.checkpoint import CHECKPOINT, resume, save_checkpoint
+from motiongen.diffusion.configs import MdmConfig, MotionDiffuseConfig, TrainConfig, require_sound
+from motiongen.diffusion.mdm import Mdm
+from motiongen.diffusion.motiondiffuse import MotionDiffuse
+from motiongen.diffusion.objective import Objective, Share, load_share, multiplies_in_bf16
+from motiongen.diffusion.processes import Team, join
+from motiongen.diffusion.run_folder import Run, open_run, read_run
+from motiongen.diffusion.samples import draw_samples, pick_prompts
+from motiongen.motion import Motion
 
 
 @dataclass(frozen=True)
-class TrainConfig:
-    """One run. Learning rate: warmed up, held, then linear to nothing over the last `decay` of the steps."""
+class Log:
+    """Where a run is. `terms`: means since the last log of the loss terms and of the `norm` of the gradients before
+    clipping; `rate` of learning; `pace` in seconds a step."""
 
-    steps: int = 12000
-    batch: int = 48
-    rate: float = 3e-4
-    warm_up: int = 200
-    decay: float = 0.25
-    weight_decay: float = 0.01
-    clip: float = 1.0
-    ema: float = 0.999
-    drop_text: float = 0.1
-    by_action: float = 0.1
-    bf16: bool = False
-    compile: bool = False
-    seed: int = 0
-    save_every: int = 200
-    log_every: int = 50
-    model: MdmConfig = field(default_factory=MdmConfig)
-    weights: LossWeights = field(default_factory=LossWeights)
+    step: int
+    steps: int
+    terms: dict[str, float]
+    rate: float
+    pace: float
+
+    @property
+    def left(self) -> float:
+        """Seconds to the end at this pace."""
+        return (self.steps - self.step) * self.pace
 
 
-def train(config: TrainConfig, data: Dataset, out: Path) -> None:
+@dataclass(frozen=True)
+class Watch:
+    """Who is told what on the way; under `torchrun`, by the first process alone.
+
+    `say`: a line about the run; `encoded`: how many captions of how many; `logged`: every `log_every` steps; `drawn`:
+    every `show_every` steps, what the averaged network draws for fixed captions (see `pick_prompts`).
+    """
+
+    say: Callable[[str], None] = lambda line: None
+    encoded: Callable[[int, int], None] = lambda done, of: None
+    logged: Callable[[Log], None] = lambda log: None
+    drawn: Callable[[int, list[Motion]], None] | None = None
+
+
+def train(config: TrainConfig, data: Dataset, out: Path, watch: Watch | None = None) -> None:
     """Train to `config.steps`, from the checkpoint in `out` where there is one, and keep checkpoints there.
 
-    Raises RuntimeError naming the step where the loss is no longer a number; the last checkpoint is then good.
+    Raises ValueError for an unsound config, or more processes than clips in a batch, or where no clip is short enough;
+    DatasetError where no clip may be used; RunError where the run in `out` is of another network or damaged, and
+    CheckpointError for its checkpoint; RuntimeError naming the batch where the loss is no longer a number (the last
+    checkpoint is then good).
     """
-    out.mkdir(parents=True, exist_ok=True)
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    require_sound(config)
+    if not any(entry.split == "train" for entry in data.entries):
+        raise ValueError(f"{data.folder}: no training clip; all are of other splits")
+    with join() as team:
+        if team.size > config.batch:
+            raise ValueError(f"a batch of {config.batch} clips cannot be shared by {team.size} processes")
+        _train(config, free_only(data) if config.free else data, out, team, watch if team.first and watch else Watch())
+
+
+def _train(config: TrainConfig, data: Dataset, out: Path, team: Team, watch: Watch) -> None:
+    run, batches, texts = _open(config, data, out, team, watch)
     torch.manual_seed(config.seed)
-    actions = _actions(data, out)
-    model = Mdm(replace(config.model, actions=len(actions))).to(device)
-    print(f"{sum(p.numel() for p in model.parameters()) / 1e6:.2f} M parameters on {device}", flush=True)
+    model = build(replace(config.model, actions=len(run.actions))).to(team.device)
     average = {k: v.detach().clone() for k, v in model.state_dict().items()}
-    denoise, measure = (torch.compile(f, dynamic=True) for f in (model, loss)) if config.compile else (model, loss)
-    optimizer = torch.optim.AdamW(model.parameters(), lr=config.rate, weight_decay=config.weight_decay, fused=True)
-    scale = _scale(data, out)
-    batches = Batches(data, scale, size=config.batch, patch=config.model.patch, seed=config.seed)
-    texts = _encode(batches.captions(), data)
-    mean, std, offsets = (torch.from_numpy(y).to(device) for y in (scale.mean, scale.std, scale.offsets))
-    first = _resume(out, model, average, optimizer)
-    (out / "config.json").write_text(json.dumps(asdict(config), indent=1))
+    optimizers = _optimizers(model, config)
+    networks = {"model": model.state_dict(), "average": average}
+    saved = first = resume(out / CHECKPOINT, networks, optimizers)
+    watch.say(_about(model, config, team, len(data), first))
+    objective = Objective(config, model, run.scale, team)
+    prompts = pick_prompts(data, texts, config.seed)
+    since: list[dict[str, float]] = []  # terms of the steps since the last log
     began = time.monotonic()
-    sums: dict[str, float] = {}
-    for step in range(first, config.steps):
-        for group in optimizer.param_groups:
-            group["lr"] = config.rate * _schedule(step, config)
-        torch.manual_seed(config.seed * 1_000_003 + step)
-        batch = batches.draw(step)
-        x, frames, words, word_mask, sentence = (
-            torch.from_numpy(y).to(device) for y in (batch.x, batch.frames, *texts.batch(batch.captions))
-        )
-        t, keep = torch.rand(len(x)), torch.rand(len(x), device=device) >= config.drop_text
-        named = [actions.index(name) if name else -1 for name in batch.actions]
-        action = torch.tensor(named, device=device)
-        action[torch.rand(len(x), device=device) >= config.by_action] = -1
-        alpha, sigma = (torch.from_numpy(y).to(x)[:, None, None] for y in COSINE.levels(t.numpy()))
-        noisy = alpha * x + sigma * torch.randn_like(x)
-        with torch.autocast(device.type, torch.bfloat16, enabled=config.bf16):
-            guess = denoise(noisy, t.to(device), frames, words, word_mask, sentence, keep, action)
-        terms = measure(guess.float(), x, frames, mean, std, offsets, config.weights)
-        if not torch.isfinite(terms["total"]):
-            raise RuntimeError(f"the loss is {terms['total'].item()} at step {step}; the last checkpoint is good")
-        optimizer.zero_grad()
-        terms["total"].backward()
-        torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip)
-        optimizer.step()
-        pull = 1 - min(config.ema, (step + 1) / (step + 10))
-        torch._foreach_lerp_(list(average.values()), [v.detach() for v in model.state_dict().values()], pull)
-        for name, value in terms.items():
-            sums[name] = sums.get(name, 0.0) + value.item()
-        if (step + 1) % config.log_every == 0:
-            pace = (time.monotonic() - began) / (step + 1 - first)
-            line = "  ".join(f"{k} {v / config.log_every:.4f}" for k, v in sums.items())
-            left = (config.steps - step - 1) * pace / 60
-            print(f"step {step + 1}  {line}  {pace:.2f} s/step, {left:.0f} min left", flush=True)
-            sums = {}
-        if (step + 1) % config.save_every == 0 or step + 1 == config.steps:
-            _save(out, step + 1, model, average, optimizer)
+    for step, share in _ahead(partial(load_share, batches, texts, run.actions, team), first, config.steps):
+        rate = config.rate * _warmth(step, config)
+        terms = objective.differentiate(step, share)
+        terms["norm"] = float(torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip))
+        if not all(map(math.isfinite, terms.values())):
+            raise RuntimeError(_not_a_number(step, terms, share, saved))
+        for optimizer in optimizers.values():
+            optimizer.param_groups[0]["lr"] = rate
+            optimizer.step()
+        pull = min(config.ema, (step + 1) / (step + 10))
+        get_ema_multi_avg_fn(pull)(list(average.values()), list(networks["model"].values()), step)
+        since.append(terms)
+        done = step + 1
+        if done % config.log_every == 0:
+            means = {name: fmean(each[name] for each in since) for name in terms}
+            watch.logged(Log(done, config.steps, means, rate, (time.monotonic() - began) / len(since)))
+            since, began = [], time.monotonic()
+        if done % config.save_every == 0 or done == config.steps:
+            saved = done
+            if team.first:
+                save_checkpoint(out / CHECKPOINT, saved, networks, optimizers)
+        if watch.drawn and config.show_every and done % config.show_every == 0:
+            paused = time.monotonic()
+            averaged = partial(_averaged, model, average)
+            watch.drawn(done, draw_samples(averaged, prompts, config, run.scale, team.device))
+            began += time.monotonic() - paused
+    watch.say(f"{out / CHECKPOINT}: {saved} steps done")
 
 
-def _scale(data: Dataset, out: Path) -> Scale:
-    """The run's own scale: it stays as it was when the run began, should the data set grow."""
-    path = out / "scale.safetensors"
-    if not path.exists():
-        with replacing(path) as temporary:
-            save_arrays(asdict(scale_of(data)), temporary)
-    return Scale(**load_arrays(path))
+def _open(config: TrainConfig, data: Dataset, out: Path, team: Team, watch: Watch) -> tuple[Run, Batches, Texts]:
+    """The run's folder and what it learns from; the first process alone writes, and the others wait for it."""
+    if team.first:
+        open_run(out, config, data)
+    team.wait()
+    run = read_run(out)
+    batches = Batches(data, run.scale, size=config.batch, patch=config.model.patch, seed=config.seed)
+    if team.first:
+        data_texts(data, batches.captions(), progress=watch.encoded)
+    team.wait()
+    return run, batches, data_texts(data, batches.captions())
 
 
-def _actions(data: Dataset, out: Path) -> tuple[str, ...]:
-    """The run's own list of actions, as `_scale`."""
-    path = out / "actions.json"
-    if not path.exists():
-        path.write_text(json.dumps(actions_of(data), indent=1))
-    return tuple(json.loads(path.read_text()))
+def _averaged(model: nn.Module, average: dict[str, Tensor], *inputs: Tensor) -> Tensor:
+    """What the network makes of `inputs` with the averaged weights, nothing dropped."""
+    model.eval()
+    made: Tensor = functional_call(model, average, inputs)
+    model.train()
+    return made
 
 
-def _encode(captions: list[str], data: Dataset) -> Texts:
-    with Progress(transient=True) as bar:
-        task = bar.add_task("encoding captions")
-        return data_texts(data, captions, progress=lambda done, of: bar.update(task, completed=done, total=of))
+def build(sizes: MdmConfig | MotionDiffuseConfig) -> nn.Module:
+    """The network of such sizes, untrained."""
+    return Mdm(sizes) if isinstance(sizes, MdmConfig) else MotionDiffuse(sizes)
 
 
-def _schedule(step: int, config: TrainConfig) -> float:
+def _optimizers(model: nn.Module, config: TrainConfig) -> dict[str, torch.optim.Optimizer]:
+    """AdamW; or Muon for the matrices (Jordan et al. 2024), which moves rare directions as far as common ones, as most
+    gestures are rare. Its steps are as large as AdamW's (Liu et al. 2025, Sec. 2.2), which all else is left to."""
+    named = dict(model.named_parameters())
+    matrices = {n for n, p in named.items() if p.ndim == 2 and config.muon and not n.startswith("action.")}
+    others = [p for n, p in named.items() if n not in matrices]
+    decay = config.weight_decay
+    out: dict[str, torch.optim.Optimizer] = {"optimizer": torch.optim.AdamW(others, weight_decay=decay, fused=True)}
+    if matrices:
+        each = [named[n] for n in named if n in matrices]
+        out["muon"] = torch.optim.Muon(each, weight_decay=decay, adjust_lr_fn="match_rms_adamw")
+    return out
+
+
+def _ahead(load: Callable[[int], Share], first: int, steps: int) -> Iterator[tuple[int, Share]]:
+    """Every step's share of its batch, each loaded while the one before is learnt from."""
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(load, first)
+        for step in range(first, steps):
+            share = coming.result()
+            coming = pool.submit(load, step + 1)
+            yield step, share
+
+
+def _warmth(step: int, config: TrainConfig) -> float:
+    """What share of the full learning rate step number `step` has: up to 1, then to nothing at the end."""
     tail = max(1, round(config.decay * config.steps))
-    return min(1.0, (step + 1) / config.warm_up, (config.steps - step) / tail)
+    return min(1.0, (step + 1) / max(1, config.warm_up), (config.steps - step) / tail)
 
 
-def _save(out: Path, step: int, model: Mdm, average: dict[str, Tensor], optimizer: torch.optim.Optimizer) -> None:
-    tensors = {"step": torch.tensor(step)}
-    tensors |= {f"model.{k}": v for k, v in model.state_dict().items()}
-    tensors |= {f"average.{k}": v for k, v in average.items()}
-    for i, state in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{i}.{k}": v for k, v in state.items()}
-    with replacing(out / "checkpoint.safetensors") as temporary:
-        save_file({k: v.contiguous().cpu() for k, v in tensors.items()}, temporary)
+def _about(model: nn.Module, config: TrainConfig, team: Team, clips: int, first: int) -> str:
+    millions = sum(p.numel() for p in model.parameters()) / 1e6
+    device = torch.cuda.get_device_name(team.device) if team.device.type == "cuda" else "CPU"
+    place = f"{team.size} × {device}" if team.size > 1 else device
+    width = "bfloat16" if multiplies_in_bf16(config, team) else "float32"
+    return f"{millions:.2f} M parameters on {place} in {width}; {clips} clips; from step {first} to {config.steps}"
 
 
-def _resume(out: Path, model: Mdm, average: dict[str, Tensor], optimizer: torch.optim.Optimizer) -> int:
-    path = out / "checkpoint.safetensors"
-    if not path.exists():
-        return 0
-    tensors = load_file(path)
-    model.load_state_dict({k[6:]: v for k, v in tensors.items() if k.startswith("model.")})
-    for name in average:
-        average[name].copy_(tensors[f"average.{name}"])
-    state: dict[int, dict[str, Tensor]] = {}
-    for name, value in tensors.items():
-        if name.startswith("optimizer."):
-            _, i, key = name.split(".", 2)
-            state.setdefault(int(i), {})[key] = value
-    optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
-    return int(tensors["step"])
-
-
-def main(
-    dataset: Annotated[Path, tyro.conf.Positional], out: Annotated[Path, tyro.conf.Positional], config: TrainConfig
-) -> None:
-    """Train on `dataset` (made by rigcast data build), keeping checkpoints in the folder `out`."""
-    train(config, open_dataset(dataset), out)
-
-
-if __name__ == "__main__":
-    tyro.cli(main, config=(tyro.conf.OmitArgPrefixes,))
+def _not_a_number(step: int, terms: dict[str, float], share: Share, saved: int) -> str:
+    good = f"the checkpoint of step {saved} is good" if saved else "there is no checkpoint yet"
+    found = f"the loss is {terms['total']}, the gradients' norm {terms['norm']}"
+    return f"{found} at batch {step} ({'; '.join(share.captions[:3])}; …); {good}"

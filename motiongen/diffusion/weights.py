@@ -1,8 +1,19 @@
 """The weights file of a text-to-motion model: one safetensors file, half precision, all it takes to generate.
 
 Beside the network's tensors it holds the features' mean and deviation, the skeleton's offsets, and a bank of sentence
-vectors of what the model was trained on, by which it knows what it does not know. Its metadata carry the model's sizes,
-the licence and how it was trained.
+vectors of what the model was trained on, by which it knows what it does not know. Its metadata:
+
+| key | says |
+|---|---|
+| `format` | `rigcast-diffusion-1` |
+| `network` | which network: `mdm` or `motiondiffuse` |
+| `sizes` | JSON, its config's fields by name |
+| `schedule`, `prediction` | `cosine` or `linear`; `x0` or `noise` |
+| `unconditioned` | `true` where it was also trained without text: only then does guidance mean something |
+| `actions` | JSON, names of the actions that it knows by number |
+| `window` | frames of the longest stretch that it was trained on |
+| `bank` | JSON of `Bank` but for its vectors |
+| `licence`, `training` | licences of all training clips, each once; JSON, how it was trained |
 """
 
 from __future__ import annotations
@@ -20,7 +31,9 @@ from motiongen.files import replacing
 from motiongen.nn import Floats, Tensors
 
 FOLDER = Path(__file__).parent.parent / "weights"
-_FORMAT = "rigcast-mdm-2"
+_FORMAT = "rigcast-diffusion-1"
+_BEFORE = "rigcast-mdm-2"  # of the weights in the tree until they are next replaced
+_OLDER = "rigcast-mdm-1"
 _EXTRAS = ("mean", "std", "offsets", "bank")
 
 
@@ -43,15 +56,20 @@ class Bank:
 
 @dataclass(frozen=True)
 class Weights:
-    """A trained model: its tensors by name; `patch` and `heads` are what their shapes do not say.
+    """A trained model: its tensors by name, and what has to be known to run them.
 
-    `window`: frames of the longest stretch that it was trained on; `mean`, `std` (140,) of the features; `offsets`
-    (22, 3) in metres; `lengths`: the network of `motiongen.diffusion.lengths`; `digest` names the file.
+    `network`, `sizes`, `schedule`, `prediction`, `unconditioned`, `actions`: as the metadata above. `window`: frames of
+    the longest stretch that it was trained on; `mean`, `std` (140,) of the features; `offsets` (22, 3) in metres;
+    `lengths`: the network of `motiongen.diffusion.lengths`; `digest` names the file.
     """
 
     tensors: Tensors
-    patch: int
-    heads: int
+    network: str
+    sizes: dict[str, int | float | str]
+    schedule: str
+    prediction: str
+    unconditioned: bool
+    actions: tuple[str, ...]
     window: int
     mean: Floats
     std: Floats
@@ -71,7 +89,13 @@ def save_weights(weights: Weights, path: Path) -> None:
     tensors["bank"] = weights.bank.vectors.astype(np.float16)
     metadata = {
         "format": _FORMAT,
-        "model": json.dumps({"patch": weights.patch, "heads": weights.heads, "window": weights.window}),
+        "network": weights.network,
+        "sizes": json.dumps(weights.sizes),
+        "schedule": weights.schedule,
+        "prediction": weights.prediction,
+        "unconditioned": json.dumps(weights.unconditioned),
+        "actions": json.dumps(weights.actions),
+        "window": json.dumps(weights.window),
         "bank": json.dumps({k: v for k, v in asdict(weights.bank).items() if k != "vectors"}),
         "licence": weights.licence,
         "training": json.dumps(weights.training),
@@ -82,33 +106,58 @@ def save_weights(weights: Weights, path: Path) -> None:
 
 
 def load_weights(path: Path) -> Weights:
-    """Read a weights file; raises WeightsError where it is missing, cut short or not of this model."""
+    """Read a weights file; raises WeightsError where it is missing, cut short, too old or not of such a model."""
     if not path.exists():
         raise WeightsError(f"{path}: no such weights file")
     try:
         with safe_open(path, "np") as file:
             metadata = file.metadata() or {}
+            if metadata.get("format") == _OLDER:
+                raise WeightsError(f"{path}: weights of an older format ({_OLDER}); export them anew")
+            if metadata.get("format") == _BEFORE:
+                metadata = _as_now(metadata)
             if metadata.get("format") != _FORMAT:
-                raise WeightsError(f"{path}: not weights of this model ({_FORMAT})")
+                raise WeightsError(f"{path}: not weights of such a model ({_FORMAT})")
             tensors = {k: file.get_tensor(k).astype(np.float32) for k in file.keys()}  # noqa: SIM118 (not a dict)
         mean, std, offsets, vectors = (tensors.pop(k) for k in _EXTRAS)
-        about, bank = json.loads(metadata["model"]), json.loads(metadata["bank"])
         return Weights(
             {k.removeprefix("model."): v for k, v in tensors.items() if k.startswith("model.")},
-            int(about["patch"]),
-            int(about["heads"]),
-            int(about["window"]),
+            metadata["network"],
+            json.loads(metadata["sizes"]),
+            metadata["schedule"],
+            metadata["prediction"],
+            json.loads(metadata["unconditioned"]),
+            tuple(json.loads(metadata["actions"])),
+            json.loads(metadata["window"]),
             mean,
             std,
             offsets,
             {k: v for k, v in tensors.items() if k.startswith("lengths.")},
-            Bank(vectors, **bank),
-            "; ".join(dict.fromkeys(metadata["licence"].split("; "))),  # clips made of others have those of all parts
+            Bank(vectors, **json.loads(metadata["bank"])),
+            metadata["licence"],
             json.loads(metadata["training"]),
             sha256(path.read_bytes()).hexdigest()[:16],
         )
     except (SafetensorError, KeyError, TypeError, json.JSONDecodeError) as error:
         raise WeightsError(f"{path}: cut short or of another model ({str(error).splitlines()[0]})") from None
+
+
+def _as_now(old: dict[str, str]) -> dict[str, str]:
+    """The metadata of today's format for those of the one before, which knew one network and no actions."""
+    about = json.loads(old["model"])
+    return {
+        "format": _FORMAT,
+        "network": "mdm",
+        "sizes": json.dumps({"patch": about["patch"], "heads": about["heads"]}),
+        "schedule": "cosine",
+        "prediction": "x0",
+        "unconditioned": "true",
+        "actions": "[]",
+        "window": json.dumps(about["window"]),
+        "bank": old["bank"],
+        "licence": "; ".join(dict.fromkeys(old["licence"].split("; "))),
+        "training": old["training"],
+    }
 
 
 def nearest(bank: Bank, sentence: Floats) -> list[tuple[float, int]]:

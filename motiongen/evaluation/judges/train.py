@@ -13,15 +13,13 @@ from typing import Annotated
 import numpy as np
 import torch
 import tyro
-from safetensors import safe_open
-from safetensors.torch import load_file, save_file
 
 from motiongen.data.dataset import Dataset, open_dataset
+from motiongen.diffusion.checkpoint import CHECKPOINT, resume, save_checkpoint
 from motiongen.evaluation.judges.batches import Batches
 from motiongen.evaluation.judges.guo import Guo, margin_loss
 from motiongen.evaluation.judges.judge import About, Judge, Kind, build, default_config, save_judge
-from motiongen.evaluation.judges.tmr import Tmr, info_nce
-from motiongen.files import replacing
+from motiongen.evaluation.judges.tmr import info_nce
 
 JUDGE = "judge.safetensors"  # the file that `load_judge` reads
 
@@ -44,15 +42,15 @@ class TrainConfig:
 def train(data: Dataset, out: Path, config: TrainConfig) -> Judge:
     """Train to `config.steps`, from the checkpoint in `out` where there is one; writes `judge.safetensors` there.
 
-    Raises ValueError where the data set has fewer training clips than a batch, or the checkpoint is of another kind;
-    RuntimeError naming the step where the loss is no longer a number.
+    Raises ValueError where the data set has fewer training clips than a batch, CheckpointError (a ValueError) where the
+    checkpoint is damaged or of another kind; RuntimeError naming the step where the loss is no longer a number.
     """
     out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(config.seed)
     sizes = default_config(config.kind)
     network = build(config.kind, sizes)
     optimizer = torch.optim.AdamW(network.parameters(), lr=config.rate, weight_decay=config.weight_decay)
-    first = _resume(out / "checkpoint.safetensors", config.kind, network, optimizer)
+    first = resume(out / CHECKPOINT, {"model": network.state_dict()}, {"optimizer": optimizer})
     batches = Batches(data, config.kind, config.batch, config.seed)
     network.train()
     began, total = time.monotonic(), 0.0
@@ -74,7 +72,7 @@ def train(data: Dataset, out: Path, config: TrainConfig) -> Judge:
             pace = (time.monotonic() - began) / (step + 1 - first)
             mean, total = total / (step % config.save_every + 1), 0.0
             print(f"step {step + 1}/{config.steps}  loss {mean:.4f}  {pace:.3f} s a step", flush=True)
-            _save(out / "checkpoint.safetensors", config.kind, step + 1, network, optimizer)
+            save_checkpoint(out / CHECKPOINT, step + 1, {"model": network.state_dict()}, {"optimizer": optimizer})
     entries = [e for e in data.entries if e.split == "train"]
     about = About(
         config.kind,
@@ -91,34 +89,6 @@ def train(data: Dataset, out: Path, config: TrainConfig) -> Judge:
 
 def _schedule(step: int, config: TrainConfig) -> float:
     return min(1.0, (step + 1) / config.warm_up) * 0.5 * (1 + np.cos(np.pi * step / config.steps))
-
-
-def _save(path: Path, kind: Kind, step: int, network: Guo | Tmr, optimizer: torch.optim.Optimizer) -> None:
-    tensors = {f"network.{k}": v for k, v in network.state_dict().items()}
-    for i, state in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{i}.{k}": v for k, v in state.items()}
-    with replacing(path) as temporary:
-        metadata = {"kind": kind, "step": str(step)}
-        save_file({k: v.contiguous() for k, v in tensors.items()}, temporary, metadata=metadata)
-
-
-def _resume(path: Path, kind: Kind, network: Guo | Tmr, optimizer: torch.optim.Optimizer) -> int:
-    """The step to go on from; 0 where there is no checkpoint."""
-    if not path.is_file():
-        return 0
-    with safe_open(path, "pt") as file:
-        metadata = file.metadata() or {}
-    if metadata.get("kind") != kind:
-        raise ValueError(f"{path}: checkpoint of kind {metadata.get('kind')!r}, not {kind!r}; name another folder")
-    tensors = load_file(path)
-    network.load_state_dict({k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")})
-    state: dict[int, dict[str, torch.Tensor]] = {}
-    for name, value in tensors.items():
-        if name.startswith("optimizer."):
-            _, i, key = name.split(".", 2)
-            state.setdefault(int(i), {})[key] = value
-    optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
-    return int(metadata["step"])
 
 
 def main(

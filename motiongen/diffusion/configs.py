@@ -1,0 +1,190 @@
+"""What a training run is: a network and its sizes, what it predicts, how it learns; and the runs that have a name."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field, replace
+from typing import ClassVar, Literal
+
+
+@dataclass(frozen=True)
+class MdmConfig:
+    """Sizes of MDM. `patch`: frames to a token; `text`: width of the text encoder's vectors; `actions`: how many are
+    known."""
+
+    network: ClassVar[str] = "mdm"
+
+    form: Literal["encoder", "decoder"] = "decoder"
+    features: int = 140
+    patch: int = 6
+    width: int = 256
+    layers: int = 4
+    heads: int = 4
+    feed_forward: int = 768
+    text: int = 384
+    dropout: float = 0.0
+    actions: int = 0
+
+
+@dataclass(frozen=True)
+class MotionDiffuseConfig:
+    """Sizes of MotionDiffuse. `patch`: frames to a token; `text`: width of the text encoder's vectors, `text_width` of
+    what the network makes of them and of the condition e; `actions`: how many are known."""
+
+    network: ClassVar[str] = "motiondiffuse"
+
+    features: int = 140
+    patch: int = 6
+    width: int = 256
+    layers: int = 4
+    heads: int = 4
+    feed_forward: int = 320
+    text: int = 384
+    text_width: int = 128
+    text_layers: int = 2
+    text_feed_forward: int = 192
+    actions: int = 0
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """Weights; a position error of 0.1 m, a speed error of 0.5 m/s and a foot speed of 0.5 m/s count as 1."""
+
+    position: float = 0.5
+    velocity: float = 0.25
+    foot: float = 0.25
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One run.
+
+    Attributes:
+        model: Sizes of the network.
+        schedule: How the noise grows (see motiongen/diffusion/schedule.py).
+        prediction: What the network tells: the clean motion (x0) or the noise in it.
+        free: Learn only from clips whose licences allow commercial use (see motiongen/data/free.py).
+        weights: Weights of the geometric losses, which need the prediction x0.
+        steps: Steps in all.
+        batch: Clips a step, over all processes.
+        rate: Learning rate: warmed up, held, then linear to nothing.
+        warm_up: Steps of the warm-up.
+        decay: Share of the steps in which the rate falls at the end.
+        weight_decay: Of AdamW and Muon.
+        muon: Move matrices by Muon instead of AdamW: a step costs a fifth more and teaches more.
+        balanced: Learn more where movements are settled, and weigh levels; see levels.py. For cosine and x0.
+        clip: Norm to which gradients are clipped.
+        ema: Decay of the average of the weights that is exported; it begins lower, so that the start is forgotten.
+        drop_text: Share of the clips that are shown without text.
+        by_action: Share of the clips whose text is an action's number, where one is known.
+        bf16: Multiply in bfloat16; without it, where the processor or accelerator is made for that.
+        compile: Compile the network first: minutes at the start, then faster steps.
+        seed: What is drawn.
+        save_every: Steps between checkpoints.
+        log_every: Steps between lines of the log.
+        show_every: Steps between films of what the network draws; 0 for none.
+    """
+
+    model: MdmConfig | MotionDiffuseConfig = field(default_factory=MdmConfig)
+    schedule: Literal["cosine", "linear"] = "cosine"
+    prediction: Literal["x0", "noise"] = "x0"
+    free: bool = False
+    weights: LossWeights = field(default_factory=LossWeights)
+    steps: int = 20_000
+    batch: int = 48
+    rate: float = 5e-4
+    warm_up: int = 200
+    decay: float = 0.25
+    weight_decay: float = 0.01
+    muon: bool = False
+    balanced: bool = False
+    clip: float = 1.0
+    ema: float = 0.999
+    drop_text: float = 0.1
+    by_action: float = 0.1
+    bf16: bool | None = None
+    compile: bool = False
+    seed: int = 0
+    save_every: int = 200
+    log_every: int = 50
+    show_every: int = 2000
+
+
+_RANGES = (
+    *((name, 1, math.inf) for name in ("steps", "batch", "save_every", "log_every")),
+    *((name, 0, math.inf) for name in ("warm_up", "show_every", "seed", "weight_decay")),
+    *((name, 0, 1) for name in ("decay", "ema", "drop_text", "by_action")),
+    *((name, 1e-9, math.inf) for name in ("rate", "clip")),
+)
+_SMALL = TrainConfig(muon=True, balanced=True)
+_MDM_SIZES = MdmConfig("encoder", patch=1, width=512, layers=8, heads=4, feed_forward=1024, dropout=0.1)
+_MDM_PAPER = TrainConfig(
+    _MDM_SIZES,
+    steps=600_000,
+    batch=64,
+    rate=1e-4,
+    decay=0.0,
+    weight_decay=0.0,
+    ema=0.9999,
+    save_every=1000,
+    show_every=20_000,
+)
+_NOISE = TrainConfig(
+    MotionDiffuseConfig(), schedule="linear", prediction="noise", weights=LossWeights(0.0, 0.0, 0.0), muon=True
+)
+CONFIGS: dict[str, TrainConfig] = {
+    "mdm": _SMALL,
+    "free": replace(_SMALL, free=True),
+    "motiondiffuse": _NOISE,
+    "mdm-paper": _MDM_PAPER,
+    "mdm-decoder-paper": replace(_MDM_PAPER, model=replace(_MDM_SIZES, form="decoder")),
+    "motiondiffuse-paper": replace(
+        _NOISE,
+        model=MotionDiffuseConfig(
+            patch=1,
+            width=512,
+            layers=8,
+            heads=8,
+            feed_forward=1024,
+            text_width=256,
+            text_layers=4,
+            text_feed_forward=1024,
+        ),
+        steps=100_000,
+        batch=1024,
+        rate=2e-4,
+        decay=0.0,
+        weight_decay=0.0,
+        muon=False,
+        drop_text=0.0,
+        save_every=1000,
+        show_every=10_000,
+    ),
+}
+"""Small ones, as in the tree; and the sizes, rates and batches of the papers (Tevet et al. 2022, Sec. 4; Zhang et al.
+2022, Sec. 4.2), which say nothing of clipping, warm-up and, MotionDiffuse's, of an average."""
+
+
+def named(name: str) -> TrainConfig:
+    """The config of a name; raises ValueError for one that is not known."""
+    if name not in CONFIGS:
+        raise ValueError(f"no generator {name!r} to train; there are {', '.join(CONFIGS)}")
+    return CONFIGS[name]
+
+
+def require_sound(config: TrainConfig) -> None:
+    """Raises ValueError where a number of a config is out of range, or what it asks for does not go together."""
+    for name, least, most in _RANGES:
+        value = getattr(config, name)
+        if not least <= value <= most:
+            raise ValueError(f"{name} must be {_range(least, most)}, not {value}")
+    if config.model.actions:
+        raise ValueError(f"actions is told by the data set; leave it 0, not {config.model.actions}")
+    if config.prediction == "noise" and any(asdict(config.weights).values()):
+        raise ValueError("prediction noise has no geometric losses; set weights.position, velocity and foot to 0")
+    if config.balanced and (config.schedule, config.prediction) != ("cosine", "x0"):
+        raise ValueError("balanced is for schedule cosine and prediction x0; leave it out")
+
+
+def _range(least: float, most: float) -> str:
+    return f"{least:g} or more" if most == math.inf else f"{least:g} to {most:g}"
