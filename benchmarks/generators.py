@@ -7,6 +7,8 @@ Every part prints a table to read and the figures that are held to a target:
     samplers    how far each sampler is from a distribution whose exact denoiser it is given
     attention   efficient attention against its equation, and its cost against quadratic attention's
     mixing      mixed noise against the equations for parts of the body and intervals of time
+    editing     what stays in an edited clip, and the seams of what is drawn anew
+    timeline    a story of four lines: what is seen when
 """
 
 from __future__ import annotations
@@ -18,12 +20,19 @@ from collections.abc import Callable
 from dataclasses import asdict
 
 from attention import attention
+from editing import editing, timeline
 from lines import gate, text
 from noise_mixing import mixing
 from parts import Options, Part
 from sampler_errors import samplers
 
-PARTS: dict[str, Callable[[Options], Part]] = {"samplers": samplers, "attention": attention, "mixing": mixing}
+PARTS: dict[str, Callable[[Options], Part]] = {
+    "samplers": samplers,
+    "attention": attention,
+    "mixing": mixing,
+    "editing": editing,
+    "timeline": timeline,
+}
 
 
 def main() -> int:

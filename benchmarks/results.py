@@ -223,9 +223,9 @@ def card(single: Results, several: Results) -> str:
     return f"""# Model card: `{MODEL}`
 
 Text to human motion by diffusion, after the Motion Diffusion Model (Tevet et al. 2022): a transformer in decoder form
-({millions:.2f} M parameters, {w.patch} frames a token, {w.heads} heads) that predicts the clean motion and listens to
-every word by cross-attention. Written by `benchmarks/results.py` on {single.date}, {single.machine}; no
-figure here was typed.
+({millions:.2f} M parameters, {w.sizes["patch"]} frames a token, {w.sizes["heads"]} heads) that predicts the clean
+motion and listens to every word by cross-attention. Written by `benchmarks/results.py` on {single.date},
+{single.machine}; no figure here was typed.
 
 | | |
 |---|---|

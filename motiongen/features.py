@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from motiongen.motion import FOOT_JOINTS, SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from motiongen.rotation import (
+    Array,
     matrix_from_6d,
     matrix_to_6d,
     matrix_to_quat,
@@ -81,6 +82,17 @@ def motion_to_features(motion: Motion) -> NDArray[np.float32]:
     return out
 
 
+def root_path(features: NDArray[np.floating]) -> tuple[Array, Array]:
+    """Heading (T,) in radians and place (T, 3) in metres of the pelvis that features (T, 140) lead along, from the
+    origin facing +x."""
+    yaw = np.concatenate([[0.0], np.cumsum(features[:-1, YAW]) / FPS])
+    planar = np.concatenate([features[:, PLANAR], np.zeros((len(features), 1))], axis=1)
+    step = quat_rotate(yaw_quat(yaw), planar)[:-1] / FPS
+    root = np.concatenate([np.zeros((1, 3)), np.cumsum(step, axis=0)])
+    root[:, 2] = features[:, HEIGHT]
+    return yaw, root
+
+
 def features_to_motion(
     features: NDArray[np.floating], skeleton: Skeleton, *, labels: tuple[Label, ...] = (), source: Source | None = None
 ) -> Motion:
@@ -90,13 +102,8 @@ def features_to_motion(
     """
     features = np.asarray(features, float)
     turn = features[:, TURNS].reshape(len(features), len(SMPL_JOINTS), 6)
-    yaw = np.concatenate([[0.0], np.cumsum(features[:-1, YAW]) / FPS])
-    heading = yaw_quat(yaw)
-    planar = np.concatenate([features[:, PLANAR], np.zeros((len(features), 1))], axis=1)
-    step = quat_rotate(heading, planar)[:-1] / FPS
-    root = np.concatenate([np.zeros((1, 3)), np.cumsum(step, axis=0)])
-    root[:, 2] = features[:, HEIGHT]
-    world = quat_mul(heading[:, None], matrix_to_quat(matrix_from_6d(turn)))
+    yaw, root = root_path(features)
+    world = quat_mul(yaw_quat(yaw)[:, None], matrix_to_quat(matrix_from_6d(turn)))
     local = world.copy()
     for j, parent in enumerate(SMPL_PARENTS):
         if parent >= 0:

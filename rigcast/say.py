@@ -1,23 +1,30 @@
-"""`rigcast say TEXT`: the whole line, from a sentence to files, a stream and a preview."""
+"""`rigcast say`: the whole line, from a sentence, a timeline, an action or nothing to files, a stream and a preview."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
 from motiongen.candidates import DEFAULT_CANDIDATES, choose
-from motiongen.generator import check_prompt, load_generator
+from motiongen.generator import Generator, PromptError, check_prompt, check_seconds, load_generator, require_control
+from motiongen.motion import Motion
 from retarget.rig import Mount, load_rig
 from rigcast import show
 from rigcast.delivery import Delivery, deliver, require
 from rigcast.times import Times
 
+WAYS = "a TEXT, --timeline FILE, --action NAME or --unconditioned"
+
 
 def say(
-    text: Positional[str],
+    text: Annotated[Positional[str | None], arg(metavar="TEXT")] = None,
     /,
     *,
+    timeline: Annotated[Path | None, arg(metavar="FILE")] = None,
+    action: Annotated[str | None, arg(metavar="NAME")] = None,
+    unconditioned: bool = False,
     rig: str = "puppet",
     mount: Mount | None = None,
     seconds: float | None = None,
@@ -32,32 +39,100 @@ def say(
 
     Args:
         text: What the rig should do, in English, such as "wave with the right hand".
+        timeline: Instead of a text, a file of what happens when: a line is `text # start # end # parts`.
+        action: Instead of a text, an action of the training data, such as wave.
+        unconditioned: Instead of a text, nothing: any motion at all.
         rig: Name of a rig (see `rigcast rigs`) or path of its folder.
         mount: How the base is held; by default as the rig says.
         seconds: Length; by default what the generator finds natural.
         seed: The same seed gives the same motion.
         generator: Name of a generator (see `rigcast generators`).
         guidance: How strictly the text is followed; by default as the generator is best at.
-        candidates: Motions drawn at most, of which the one is kept that does what can be measured of the text.
-        strict: Exit 1 where the text is far from everything that the generator was trained on.
+        candidates: Motions drawn at most for a text, of which the one is kept that does what can be measured of it.
+        strict: Exit 1 where a text is far from everything that the generator was trained on.
     """
     times = Times()
-    text = check_prompt(text, seconds)
+    texts = _texts(text, timeline, action, unconditioned, seconds)
     require(delivery, has_motion=True)
     body = load_rig(rig)
     with times.stage("load generator"):
         model = load_generator(generator)
-    familiarity = model.familiarity(text)
-    if not familiarity.known:
-        show.warn(f"{text!r} is far from what {generator} was trained on; nearest: {', '.join(familiarity.nearest)}")
-        if strict:
-            return 1
+    said: dict[str, Any] = {"text": text}
+    far = [each for each in texts if _is_far(model, each, generator, said)]
+    if far and strict:
+        return 1
     with times.stage("generate"):
-        kept = choose(model, text, candidates=candidates, seconds=seconds, seed=seed, guidance=guidance)
-    if kept.drawn > 1:
-        show.warn(str(kept))
+        if text is not None:
+            motion = _chosen(model, texts[0], candidates, seconds, seed, guidance, said)
+        else:
+            motion = _controlled(model, generator, timeline, action, seconds, seed, guidance)
     from rigcast.pipeline import take
 
-    said: dict[str, Any] = {"text": text, "known": familiarity.known, "nearest": list(familiarity.nearest)}
-    said |= {"candidates": kept.drawn, "kept": kept.index + 1, "measured": kept.asked, "right": kept.right}
-    return deliver(take(kept.motion, body, mount, times), delivery, times, said)
+    return deliver(take(motion, body, mount, times), delivery, times, said)
+
+
+def _texts(
+    text: str | None, timeline: Path | None, action: str | None, unconditioned: bool, seconds: float | None
+) -> list[str]:
+    """What is said in words. Raises PromptError unless there is one thing to say, and what reading it raises."""
+    given = [text is not None, timeline is not None, action is not None, unconditioned]
+    if sum(given) != 1:
+        raise PromptError(f"say one thing: {WAYS}")
+    if seconds is not None:
+        check_seconds(seconds)
+    if timeline is None:
+        return [] if text is None else [check_prompt(text)]
+    if seconds is not None:
+        raise PromptError(f"--seconds {seconds:g}: a timeline says itself how long it is")
+    from motiongen.diffusion.timeline import read_timeline
+
+    return list(dict.fromkeys(entry.text for entry in read_timeline(timeline)))
+
+
+def _is_far(model: Generator, text: str, name: str, said: dict[str, Any]) -> bool:
+    familiarity = model.familiarity(text)
+    if not familiarity.known:
+        show.warn(f"{text!r} is far from what {name} was trained on; nearest: {', '.join(familiarity.nearest)}")
+    said |= {"known": familiarity.known and said.get("known", True), "nearest": list(familiarity.nearest)}
+    return not familiarity.known
+
+
+def _chosen(
+    model: Generator,
+    text: str,
+    candidates: int,
+    seconds: float | None,
+    seed: int,
+    guidance: float | None,
+    said: dict[str, Any],
+) -> Motion:
+    kept = choose(model, text, candidates=candidates, seconds=seconds, seed=seed, guidance=guidance)
+    if kept.drawn > 1:
+        show.warn(str(kept))
+    said |= {
+        "text": text,
+        "candidates": kept.drawn,
+        "kept": kept.index + 1,
+        "measured": kept.asked,
+        "right": kept.right,
+    }
+    return kept.motion
+
+
+def _controlled(
+    model: Generator,
+    name: str,
+    timeline: Path | None,
+    action: str | None,
+    seconds: float | None,
+    seed: int,
+    guidance: float | None,
+) -> Motion:
+    able = require_control(model, name)
+    if timeline is not None:
+        from motiongen.diffusion.timeline import read_timeline
+
+        return able.generate_timeline(read_timeline(timeline), seed=seed, guidance=guidance)
+    if action is not None:
+        return able.generate_action(action, seconds=seconds, seed=seed, guidance=guidance)
+    return able.generate_unconditioned(seconds=seconds, seed=seed)

@@ -140,7 +140,7 @@ def test_it_runs_as_a_module_and_tells_its_version() -> None:
 @pytest.mark.parametrize(
     ("args", "words"),
     [
-        (["sing"], "unknown verb 'sing'; there are say, play"),
+        (["sing"], "unknown verb 'sing'; there are say, edit, play"),
         (["bus", "fly"], "unknown verb 'bus fly'"),
         (["say", ""], "the text is empty"),
         (["say", "  \n "], "the text is empty"),

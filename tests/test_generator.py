@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from motions import stand
 
-from motiongen.diffusion.generator import _slip
+from motiongen.diffusion.finish import slip
 from motiongen.diffusion.weights import FOLDER, WeightsError, load_weights, save_weights
 from motiongen.generator import PromptError, check_prompt, load_generator
 from motiongen.motion import Motion
@@ -181,6 +181,6 @@ def test_slip_is_the_speed_of_feet_that_should_stand() -> None:
     quat = still.joint_quat.copy()
     quat[:, 0] = quat_mul(yaw_quat(np.pi / 2), quat[:, 0])
     dragged = dataclasses.replace(still, root_pos=still.root_pos + np.outer(t, [0.3, 0, 0]), joint_quat=quat)
-    slip = _slip(dragged, np.ones((len(t), 4)))
-    assert slip[5:-5] == pytest.approx(np.tile([0.0, -0.3], (len(t) - 10, 1)), abs=1e-6)
-    assert np.abs(_slip(dragged, np.zeros((len(t), 4)))).max() == 0
+    found = slip(dragged, np.ones((len(t), 4)))
+    assert found[5:-5] == pytest.approx(np.tile([0.0, -0.3], (len(t) - 10, 1)), abs=1e-6)
+    assert np.abs(slip(dragged, np.zeros((len(t), 4)))).max() == 0

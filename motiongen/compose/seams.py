@@ -234,7 +234,7 @@ class _Offsets:
         if keep_speed and self.end:
             before = max(self.start, 1)  # like with like: the last step of both, where the second has one
             speed = (first[self.end] - first[self.end - 1] - second[before] + second[before - 1]) * self.fps
-        return second[tail] + self.decayed(here, speed)
+        return second[tail] + decayed(self.u, self.seconds, here, speed)
 
     def turns(self, first: Array, second: Array, tail: slice) -> Array:
         """Turns (n, J, 4), likewise; offsets are axis times angle in the frame of each joint of `second`."""
@@ -243,14 +243,16 @@ class _Offsets:
             before = max(self.start, 1)
             speed = _turn(first[self.end - 1], first[self.end]) - _turn(second[before - 1], second[before])
             speed = speed * self.fps
-        return quat_mul(second[tail], rotvec_to_quat(self.decayed(here, speed)))
+        return quat_mul(second[tail], rotvec_to_quat(decayed(self.u, self.seconds, here, speed)))
 
-    def decayed(self, here: Array, speed: Array) -> Array:
-        """(n, …): from `here`, at `speed` a second and without acceleration, to rest at 0 by a quintic (Bollo 2018)."""
-        u = self.u.reshape(-1, *[1] * np.ndim(here))
-        from_place = 1 - 10 * u**3 + 15 * u**4 - 6 * u**5
-        from_speed = self.seconds * (u - 6 * u**3 + 8 * u**4 - 3 * u**5)
-        return from_place * here + from_speed * speed
+
+def decayed(u: Array, seconds: float, here: Array, speed: Array) -> Array:
+    """An offset (n, …) at `u` (n,), 0 … 1 of `seconds`: from `here`, at `speed` a second and without acceleration, to
+    rest at 0 by a quintic (Bollo 2018)."""
+    u = u.reshape(-1, *[1] * np.ndim(here))
+    from_place = 1 - 10 * u**3 + 15 * u**4 - 6 * u**5
+    from_speed = seconds * (u - 6 * u**3 + 8 * u**4 - 3 * u**5)
+    return from_place * here + from_speed * speed
 
 
 def _turn(a: Array, b: Array) -> Array:

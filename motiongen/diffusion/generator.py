@@ -1,46 +1,50 @@
-"""The generator in the tree: text encoder, diffusion and features put together."""
+"""The diffusion generator: text, actions, nothing, timelines and edits, drawn by one network from its weights file."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from motiongen.diffusion.constraints import keep_known
+from motiongen.compose.motions import composed_of
+from motiongen.diffusion import said
+from motiongen.diffusion.draw import Drawing, draw, require_known, whole
+from motiongen.diffusion.editing import edit_of, edited
+from motiongen.diffusion.finish import finished
 from motiongen.diffusion.lengths import usual_seconds
-from motiongen.diffusion.mdm_run import denoise
-from motiongen.diffusion.samplers import SAMPLERS, Denoiser, guided, seeded
-from motiongen.diffusion.schedule import COSINE, even_times
+from motiongen.diffusion.said import Said
+from motiongen.diffusion.timeline import Entry, passes_of
 from motiongen.diffusion.weights import FOLDER, load_weights, nearest
-from motiongen.features import CONTACTS, FPS, HEIGHT, PLANAR, features_to_motion
-from motiongen.generator import MIN_SECONDS, Familiarity, check_prompt
-from motiongen.motion import FOOT_JOINTS, SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
+from motiongen.features import FPS, features_to_motion
+from motiongen.generator import MIN_SECONDS, Familiarity, PromptError, check_prompt, check_seconds
+from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from motiongen.nn import Floats
-from motiongen.rotation import quat_conj, quat_rotate, yaw_of_quat, yaw_quat
 from motiongen.skeletons import BANDAI_NAMCO
 from motiongen.text.encoder import TextEncoder
 
-OVERLAP = 36  # frames of the last window that the next one is made to go on from
 GUIDANCE = 2.5
+UNSAID_S = 4.0  # length of what nobody described
 
 
-class MdmGenerator:
-    """MDM with the weights in the tree, or those at `path`. Raises WeightsError, ModuleNotFoundError."""
+class DiffusionGenerator:
+    """The network in the weights file at `path`, named after it. Raises WeightsError, ModuleNotFoundError."""
 
-    name = "mdm"
-
-    def __init__(self, path: Path | None = None, *, sampler: str = "dpm-solver-2m", steps: int = 10) -> None:
-        self._weights = load_weights(path or FOLDER / "mdm.safetensors")
+    def __init__(
+        self, path: Path = FOLDER / "mdm.safetensors", *, sampler: str = "dpm-solver-2m", steps: int = 10
+    ) -> None:
+        self.name = path.stem
+        self._model = load_weights(path)
+        require_known(self._model, str(path))
         self._encoder = TextEncoder()
-        self._sample, self._times = SAMPLERS[sampler], even_times(steps)
-        self.licence, self.digest, self.passes = self._weights.licence, self._weights.digest, steps
+        self._sampler = sampler
+        self.licence, self.digest, self.passes = self._model.licence, self._model.digest, steps
 
     def familiarity(self, text: str) -> Familiarity:
         """How close `text` is to the training captions; raises PromptError for a text that nobody could follow."""
-        bank = self._weights.bank
+        bank = self._model.bank
         best = nearest(bank, self._encoder([check_prompt(text)])[2][0])
         names = tuple(bank.contents[i].replace("-", " ") for _, i in best[:3])
         return Familiarity(best[0][0] >= bank.known, best[0][0], names)
@@ -60,87 +64,113 @@ class MdmGenerator:
         guidance: float | None = None,
     ) -> list[Motion]:
         """One motion a text, drawn together; text i from seed + i, or from `seed[i]` where there is one for each."""
+        texts = [check_prompt(t, seconds) for t in texts]
+        told = said.texts(self._encoder, texts)
+        usual = usual_seconds(self._model.lengths, told.sentence)
+        usual = np.clip(usual, MIN_SECONDS, self._model.window / FPS).round(1)
+        counts = [round((seconds or each) * FPS) for each in usual]
+        seeds = list(range(seed, seed + len(texts))) if isinstance(seed, int) else list(seed)
+        return self._whole(told, texts, counts, seeds, guidance)
+
+    def generate_action(
+        self, action: str, *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
+    ) -> Motion:
+        """Motion of an action of the training data, as "wave-left", told by its number instead of words.
+
+        A name that several begin with, as "wave", stands for one of them, by the seed. Raises PromptError for a length
+        out of range, and for an unknown action, with the nearest.
+        """
+        count = _count(seconds)
+        name = self._action(action, seed)
+        told = said.action(self._model.actions.index(name))
+        return self._whole(told, [name.replace("-", " ")], [count], [seed], guidance)[0]
+
+    def generate_unconditioned(self, *, seconds: float | None = None, seed: int = 0) -> Motion:
+        """Any motion at all. Raises PromptError for a length out of range."""
+        return self._whole(self._nothing(), [""], [_count(seconds)], [seed], None)[0]
+
+    def generate_timeline(self, entries: Sequence[Entry], *, seed: int = 0, guidance: float | None = None) -> Motion:
+        """One motion in which each entry happens in its time, with its parts of the body; see `timeline`.
+
+        Raises TimelineError where the entries leave a gap or are none, ValueError for unknown parts.
+        """
+        passes, count = passes_of(self._model, entries, self._encoder)
+        x = draw(self._model, passes, [count], [seed], self._how(guidance))
+        labels = tuple(Label(e.start_s, e.end_s, e.text, e.parts) for e in entries)
+        return self._motion(x[0, :count], labels, seed)
+
+    def edit(
+        self,
+        clip: Motion,
+        text: str | None = None,
+        *,
+        keep: str = "",
+        parts: Sequence[str] = (),
+        seed: int = 0,
+        guidance: float | None = None,
+    ) -> Motion:
+        """`clip` with the frames outside `keep` ("0:1s,3s:"), or the named `parts` of the body, or those parts in those
+        frames, drawn anew as `text` says, or as fits.
+
+        What is kept comes out as it went in, in the world too. Raises RangeError, PromptError, ValueError for unknown
+        parts or a skeleton without SMPL's 22 joints.
+        """
+        edit = edit_of(clip, keep, parts)
+        told = self._nothing() if text is None else said.texts(self._encoder, [check_prompt(text)])
+        out = edited(self._model, edit, told, seed, self._how(guidance))
+        free = np.flatnonzero(edit.free) / clip.fps
+        label = Label(float(free[0]), float(free[-1]), text or "", tuple(parts))
+        source = replace(
+            composed_of((clip, replace(clip, source=self._source(seed))), "+"), weights=self.digest, seed=seed
+        )
+        return replace(out, labels=(*clip.labels, label), source=source)
+
+    def _whole(
+        self, told: Said, texts: Sequence[str], counts: Sequence[int], seeds: Sequence[int], guidance: float | None
+    ) -> list[Motion]:
+        """One motion a condition, each `counts[i]` frames long."""
+        x = draw(self._model, whole(self._model, told, max(counts)), counts, seeds, self._how(guidance))
+        labels = [(Label(0.0, (n - 1) / FPS, text),) for n, text in zip(counts, texts, strict=True)]
+        return [self._motion(x[i, :n], labels[i], seeds[i]) for i, n in enumerate(counts)]
+
+    def _nothing(self) -> Said:
+        """Nothing said; raises PromptError where the model was never trained without a text."""
+        if not self._model.unconditioned:
+            raise PromptError(f"the weights {self.digest} were trained with texts only; say what to do")
+        return said.nothing()
+
+    def _how(self, guidance: float | None) -> Drawing:
         scale = GUIDANCE if guidance is None else guidance
         if not math.isfinite(scale):
             raise ValueError(f"guidance must be a number, not {guidance}")
-        texts = [check_prompt(t, seconds) for t in texts]
-        said = self._encoder(texts)
-        usual = np.clip(usual_seconds(self._weights.lengths, said[2]), MIN_SECONDS, self._weights.window / FPS)
-        counts = [round((seconds or each) * FPS) for each in usual.round(1)]
-        seeds = list(range(seed, seed + len(texts))) if isinstance(seed, int) else list(seed)
-        x = self._draw(said, np.array(counts), seeds, scale)
-        return [self._motion(x[i, :n], texts[i], seeds[i]) for i, n in enumerate(counts)]
+        return Drawing(self._sampler, self.passes, scale)
 
-    def _draw(
-        self, said: tuple[Floats, NDArray[np.bool_], Floats], counts: NDArray[np.int_], seeds: list[int], scale: float
-    ) -> Floats:
-        """Normalised features (B, T, 140): the first window, then windows that go on from the one before."""
-        patch, width = self._weights.patch, len(self._weights.mean)
-        total = patch * math.ceil(counts.max() / patch)
-        length = min(total, self._weights.window)
-        draw = seeded(seeds, self._weights.window, length, width)
-        done = np.zeros((len(seeds), 0, width), np.float32)
-        while done.shape[1] < total:
-            known = done[:, -OVERLAP:]
-            start = done.shape[1] - known.shape[1]
-            frames = np.arange(length) < np.maximum(counts[:, None] - start, patch)
-            x = self._sample(self._denoiser(said, frames, known, scale), draw, COSINE, self._times)
-            done = np.concatenate([done[:, :start], x], axis=1)
-        return done[:, :total]
+    def _action(self, name: str, seed: int) -> str:
+        actions = self._model.actions
+        if not actions:
+            raise PromptError(f"the weights {self.digest} know no actions; say it in words")
+        name = "-".join(name.lower().split())
+        if name in actions:
+            return name
+        kinds = [action for action in actions if action.startswith(f"{name}-")]
+        if kinds:
+            return str(np.random.default_rng(seed).choice(kinds))
+        like = self._encoder([name.replace("-", " "), *(a.replace("-", " ") for a in actions)])[2]
+        best = np.argsort(-(like[1:] @ like[0]))[:5]
+        raise PromptError(f"no action {name!r}; the nearest are {', '.join(actions[i] for i in best)}")
 
-    def _denoiser(
-        self, said: tuple[Floats, NDArray[np.bool_], Floats], frames: NDArray[np.bool_], known: Floats, scale: float
-    ) -> Denoiser:
-        """Guided estimate of x_0 with the known first frames written over it at every pass (MDM, Sec. 3)."""
-        w = self._weights
-        words, word_mask, sentence = (np.concatenate([y, y]) for y in said)
-        both = np.concatenate([frames, frames])
-        keep = np.arange(2 * len(frames)) < len(frames)
+    def _source(self, seed: int) -> Source:
+        return Source(self.name, self.digest, seed, self.licence)
 
-        def predict(x: Floats, t: float) -> Floats:
-            return denoise(w.tensors, w.patch, w.heads, x, t, both, words, word_mask, sentence, keep)
-
-        first = np.zeros((*frames.shape, len(w.mean)), np.float32)
-        first[:, : known.shape[1]] = known
-        return keep_known(guided(predict, scale), first, np.arange(frames.shape[1])[:, None] < known.shape[1])
-
-    def _motion(self, x: Floats, text: str, seed: int) -> Motion:
-        w = self._weights
-        features = _smooth((x * w.std + w.mean).astype(float))
-        skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, w.offsets.astype(float), BANDAI_NAMCO.foot_height)
-        source = Source(self.name, w.digest, seed, w.licence)
-        label = Label(0.0, (len(features) - 1) / FPS, text)
-        drawn = features_to_motion(features, skeleton)
-        features[:, HEIGHT] -= _floats(drawn)
-        features[:, PLANAR] -= _slip(drawn, features[:, CONTACTS])
-        return features_to_motion(features, skeleton, labels=(label,), source=source)
+    def _motion(self, x: Floats, labels: tuple[Label, ...], seed: int) -> Motion:
+        model = self._model
+        skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, model.offsets.astype(float), BANDAI_NAMCO.foot_height)
+        features = finished((x * model.std + model.mean).astype(float), skeleton)
+        return features_to_motion(features, skeleton, labels=labels, source=self._source(seed))
 
 
-def _smooth(features: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Binomial smoothing over five frames, which takes away what jitters faster than people can (over ~8 Hz)."""
-    padded = np.concatenate([features[:1]] * 2 + [features] + [features[-1:]] * 2)
-    return np.sum([k / 16 * padded[i : i + len(features)] for i, k in enumerate((1, 4, 6, 4, 1))], axis=0)
-
-
-def _slip(motion: Motion, touch: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Planar velocity (T, 2) in m/s, in each frame's heading, with which feet slide that should stand.
-
-    The mean over `FOOT_JOINTS`, each weighed by how surely it touches the floor (`touch` (T, 4), 0…1). Taken off the
-    root's velocity, it is the planted foot that stays and the body that moves over it.
-    """
-    feet = motion.positions()[:, [motion.skeleton.index(n) for n in FOOT_JOINTS]]
-    moved = np.zeros((len(feet), len(FOOT_JOINTS), 3))
-    moved[:-1] = np.diff(feet, axis=0) * motion.fps
-    sure = np.clip(touch, 0.0, 1.0)
-    sure[:-1] = np.minimum(sure[:-1], sure[1:])
-    mean = (moved * sure[..., None]).sum(1) / np.maximum(sure.sum(1), 1e-6)[:, None]
-    slip = quat_rotate(quat_conj(yaw_quat(yaw_of_quat(motion.joint_quat[:, 0]))), mean)[:, :2]
-    return _smooth(slip * sure.max(1)[:, None])
-
-
-def _floats(motion: Motion) -> float:
-    """Metres by which the lower foot lies too high in most frames (the 20 % quantile: a runner flies in between)."""
-    ankle, toe = motion.skeleton.foot_height
-    names = motion.skeleton.names
-    at = motion.positions()[:, [names.index(n) for n in ("left_ankle", "right_ankle", "left_foot", "right_foot")], 2]
-    return float(np.quantile((at - np.array([ankle, ankle, toe, toe])).min(axis=1), 0.2))
+def _count(seconds: float | None) -> int:
+    """Frames of a motion whose text does not say how long it is."""
+    if seconds is not None:
+        check_seconds(seconds)
+    return round((UNSAID_S if seconds is None else seconds) * FPS)

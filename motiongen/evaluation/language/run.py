@@ -158,9 +158,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         table = rows(asked, verdicts(asked, clips, [False] * len(asked), *judges))
     else:
         if args.generator == "mdm" and args.weights:
-            from motiongen.diffusion.generator import MdmGenerator
+            from motiongen.diffusion.generator import DiffusionGenerator
 
-            generator: Generator = MdmGenerator(args.weights)
+            generator: Generator = DiffusionGenerator(args.weights)
         elif args.generator in ("retrieval", "mean"):
             generator = Retrieval(dataset) if args.generator == "retrieval" else MeanPose(dataset)
         else:

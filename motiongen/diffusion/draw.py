@@ -1,0 +1,127 @@
+"""Draw features with a trained network: its passes over stretches of time and parts of the body, guided and mixed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motiongen.diffusion import mdm_run, mixing, motiondiffuse_run
+from motiongen.diffusion.said import Said, with_nothing
+from motiongen.diffusion.samplers import SAMPLERS, Denoiser, from_noise, guided, seeded, to_noise
+from motiongen.diffusion.schedule import COSINE, SCHEDULES, even_ratios, even_times
+from motiongen.diffusion.weights import Weights, WeightsError
+from motiongen.nn import Floats
+
+OVERLAP = 30  # frames in which one pass goes over into the next
+LAM_PARTS, LAM_TIMES = 0.01, 0.01  # λ₁ of Eq. 10 and λ₂ of Eq. 11 (Zhang et al. 2022)
+
+Constraint = Callable[[Denoiser], Denoiser]
+NETWORKS: dict[str, Callable[..., Floats]] = {"mdm": mdm_run.denoise, "motiondiffuse": motiondiffuse_run.denoise}
+_PREDICTIONS = ("x0", "noise")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How to draw: the name of the sampler, its passes, the scale of guidance."""
+
+    sampler: str
+    steps: int
+    guidance: float
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A pass of the network over the frames of `span` of every clip of a batch, told `said`; its estimate counts for
+    the features of `span`."""
+
+    said: Said
+    span: mixing.Span
+
+
+def require_known(model: Weights, name: str) -> None:
+    """Raise WeightsError, naming the file `name`, where nobody here knows the network or what it estimates."""
+    for what, value, known in (
+        ("network", model.network, NETWORKS),
+        ("schedule", model.schedule, SCHEDULES),
+        ("prediction", model.prediction, _PREDICTIONS),
+    ):
+        if value not in known:
+            raise WeightsError(f"{name}: {what} {value!r}; this rigcast knows {', '.join(known)}")
+
+
+def passes_over(model: Weights, said: Said, start: int, stop: int, columns: NDArray[np.bool_]) -> list[Pass]:
+    """One pass over the frames from `start` to `stop`, a multiple of the patch apart, or windows that overlap."""
+    stride = patched(model, model.window - OVERLAP)
+    starts = range(start, max(start + 1, stop - OVERLAP), stride)
+    told = bool(said.keep.any())
+    return [Pass(said, mixing.Span(a, min(a + model.window, stop), columns, told)) for a in starts]
+
+
+def whole(model: Weights, said: Said, count: int) -> list[Pass]:
+    """Passes over all features of clips of up to `count` frames."""
+    return passes_over(model, said, 0, patched(model, count), np.ones(len(model.mean), bool))
+
+
+def patched(model: Weights, count: int) -> int:
+    """The least multiple of the patch that is not below `count`."""
+    patch = int(model.sizes["patch"])
+    return patch * math.ceil(count / patch)
+
+
+def draw(
+    model: Weights,
+    passes: Sequence[Pass],
+    counts: Sequence[int],
+    seeds: Sequence[int],
+    how: Drawing,
+    constrain: Constraint | None = None,
+) -> Floats:
+    """Normalised features (B, T, 140) of B clips of `counts` (B,) frames, clip i from `seeds[i]`.
+
+    The passes must cover all features of all T frames. `constrain` may change the estimate of the clean features every
+    time (MDM, Sec. 3, Editing). Raises ValueError for passes that leave a gap.
+    """
+    total = max(each.span.stop for each in passes)
+    noise = seeded(seeds, max(total, model.window), total, len(model.mean))
+    schedule = SCHEDULES[model.schedule]
+    times = even_times(how.steps) if schedule is COSINE else even_ratios(schedule, how.steps)
+    denoise = _together(model, passes, np.array(counts), how.guidance)
+    return SAMPLERS[how.sampler](constrain(denoise) if constrain else denoise, noise, schedule, times)
+
+
+def _together(model: Weights, passes: Sequence[Pass], counts: NDArray[np.int_], scale: float) -> Denoiser:
+    """Estimate of x_0 (B, T, 140) of all passes: of several, their estimates of the noise mixed."""
+    schedule, noisy = SCHEDULES[model.schedule], model.prediction == "noise"
+    predict = [_predictor(model, each, counts, scale) for each in passes]
+    if len(passes) == 1:
+        return from_noise(predict[0], schedule) if noisy else predict[0]
+    noises = predict if noisy else [to_noise(each, schedule) for each in predict]
+    spans = [each.span for each in passes]
+    share = mixing.shares(spans, OVERLAP)
+
+    def mixed(x: Floats, t: float) -> Floats:
+        parts = [noise(x[:, s.start : s.stop], t) for noise, s in zip(noises, spans, strict=True)]
+        return mixing.mix(parts, spans, share, LAM_PARTS, LAM_TIMES)
+
+    return from_noise(mixed, schedule)
+
+
+def _predictor(model: Weights, each: Pass, counts: NDArray[np.int_], scale: float) -> Denoiser:
+    """What the network itself estimates in one pass: guided, or of a model that always hears something, as it is."""
+    guides = each.span.told and model.unconditioned
+    said = with_nothing(each.said) if guides else each.said
+    start, stop = each.span.start, each.span.stop
+    sizes = {name: int(model.sizes[name]) for name in ("patch", "heads")}
+    frames = np.arange(stop - start) < np.maximum(counts[:, None] - start, sizes["patch"])
+    frames = np.concatenate([frames, frames]) if guides else frames
+    network = NETWORKS[model.network]
+
+    def predict(x: Floats, t: float) -> Floats:
+        heard = said.words, said.word_mask, said.sentence, said.keep, said.action
+        return network(model.tensors, sizes, x, t, frames, *heard)
+
+    return guided(predict, scale) if guides else predict
