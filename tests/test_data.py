@@ -152,7 +152,7 @@ def test_what_a_gesture_is_called_is_what_was_performed() -> None:
     """Its captions' numbers, read back, are those that the motion measures."""
     counted = {"nod": "nods", "shake-head": "head_shakes", "clap": "claps", "squat": "squats", "jump": "jumps"}
     seen = Counter()
-    for clip in find_clips("gestures:300"):
+    for clip in find_clips("gestures:400"):
         sample = clip.load()
         family = sample.content
         if family not in counted and family != "wave":

@@ -20,7 +20,8 @@ def test_half_are_even_in_the_ratio_of_signal_to_noise(share: float) -> None:
 
 def test_the_noisiest_levels_are_visited_oftener_than_by_even_times() -> None:
     t = balanced_times(torch.linspace(0, 1, 10_001)[:-1]).numpy()
-    assert 0 <= t.min() and t.max() < 1
+    assert t.min() >= 0
+    assert t.max() < 1
     assert np.mean(t > 0.9) == pytest.approx(0.05 + 0.5 * (1 - COSINE.log_ratio(0.9) / NOISIEST), abs=1e-3)
 
 
