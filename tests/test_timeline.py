@@ -192,7 +192,7 @@ def test_weights_of_something_else(what: str) -> None:
 
 
 def test_the_page_of_docs_runs() -> None:
-    page = (Path(__file__).parent.parent / "docs" / "generators.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parent.parent / "docs" / "control.md").read_text(encoding="utf-8")
     code = page.split("```python\n")[1].split("```")[0]
     names: dict[str, Motion] = {}
     exec(code, names)
