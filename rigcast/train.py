@@ -33,7 +33,7 @@ def train(
     """
     from motiongen.data.dataset import open_dataset
     from motiongen.diffusion.train import train as run
-    from rigcast.training import watching
+    from rigcast.watching import watching
 
     folder = out or Path("runs") / generator
     dataset = open_dataset(data)

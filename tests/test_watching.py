@@ -8,7 +8,7 @@ from motions import walk
 
 from motiongen.diffusion.train import Log
 from motiongen.motion import Label
-from rigcast.training import watching
+from rigcast.watching import watching
 
 LOG = Log(step=20, steps=80, terms={"total": 0.25, "norm": 1.5}, rate=1e-3, pace=2.0)
 
