@@ -8,10 +8,11 @@ import pytest
 from motions import stand
 
 from motiongen.diffusion.finish import slip
+from motiongen.diffusion.promised import turn_asked
 from motiongen.diffusion.weights import FOLDER, WeightsError, load_weights, save_weights
 from motiongen.generator import PromptError, check_prompt, load_generator
 from motiongen.motion import Motion
-from motiongen.rotation import quat_mul, yaw_quat
+from motiongen.rotation import quat_mul, yaw_of_quat, yaw_quat
 
 WEIGHTS = FOLDER / "mdm.safetensors"
 SEEDS = range(1, 6)
@@ -45,6 +46,25 @@ def swings(motion: Motion, side: str) -> int:
         elif direction * (value - last) > 0:
             last = value
     return turns
+
+
+def turned(motion: Motion) -> float:
+    """Degrees, left positive, from the first frame to the last, followed from frame to frame."""
+    return float(np.degrees(np.sum(np.diff(np.unwrap(yaw_of_quat(motion.joint_quat[:, 0]))))))
+
+
+@pytest.mark.parametrize(
+    ("text", "degrees"),
+    [("turn left ninety degrees", 90), ("turn 135 degrees to the right", -135), ("turn around to the left", 180)],
+)
+def test_a_turn_is_as_far_as_is_said(generator, text: str, degrees: float) -> None:
+    for motion in generator.generate_batch([text, "walk forward", text], seed=1)[::2]:
+        assert turned(motion) == pytest.approx(degrees, abs=5)
+
+
+def test_only_a_turn_alone_is_promised() -> None:
+    assert turn_asked("turn right 45 degrees") == pytest.approx(-np.pi / 4)
+    assert all(np.isnan(turn_asked(text)) for text in ("turn left", "bow 40 degrees", "turn left 90 degrees, then bow"))
 
 
 def travel(motion: Motion) -> float:

@@ -11,10 +11,11 @@ import numpy as np
 
 from motiongen.compose.motions import composed_of
 from motiongen.diffusion import said
-from motiongen.diffusion.draw import Drawing, draw, require_known, whole
+from motiongen.diffusion.draw import Constraint, Drawing, draw, require_known, whole
 from motiongen.diffusion.editing import edit_of, edited
 from motiongen.diffusion.finish import finished
 from motiongen.diffusion.lengths import usual_seconds
+from motiongen.diffusion.promised import turning
 from motiongen.diffusion.said import Said
 from motiongen.diffusion.timeline import Entry, passes_of
 from motiongen.diffusion.weights import FOLDER, load_weights, nearest
@@ -63,14 +64,17 @@ class DiffusionGenerator:
         seed: int | Sequence[int] = 0,
         guidance: float | None = None,
     ) -> list[Motion]:
-        """One motion a text, drawn together; text i from seed + i, or from `seed[i]` where there is one for each."""
+        """One motion a text, drawn together; text i from seed + i, or from `seed[i]` where there is one for each.
+
+        Where a text says by how many degrees to turn, that is how far it turns.
+        """
         texts = [check_prompt(t, seconds) for t in texts]
         told = said.texts(self._encoder, texts)
         usual = usual_seconds(self._model.lengths, told.sentence)
         usual = np.clip(usual, MIN_SECONDS, self._model.window / FPS).round(1)
         counts = [round((seconds or each) * FPS) for each in usual]
         seeds = list(range(seed, seed + len(texts))) if isinstance(seed, int) else list(seed)
-        return self._whole(told, texts, counts, seeds, guidance)
+        return self._whole(told, texts, counts, seeds, guidance, turning(self._model, texts, counts))
 
     def generate_action(
         self, action: str, *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
@@ -126,10 +130,16 @@ class DiffusionGenerator:
         return replace(out, labels=(*clip.labels, label), source=source)
 
     def _whole(
-        self, told: Said, texts: Sequence[str], counts: Sequence[int], seeds: Sequence[int], guidance: float | None
+        self,
+        told: Said,
+        texts: Sequence[str],
+        counts: Sequence[int],
+        seeds: Sequence[int],
+        guidance: float | None,
+        constrain: Constraint | None = None,
     ) -> list[Motion]:
         """One motion a condition, each `counts[i]` frames long."""
-        x = draw(self._model, whole(self._model, told, max(counts)), counts, seeds, self._how(guidance))
+        x = draw(self._model, whole(self._model, told, max(counts)), counts, seeds, self._how(guidance), constrain)
         labels = [(Label(0.0, (n - 1) / FPS, text),) for n, text in zip(counts, texts, strict=True)]
         return [self._motion(x[i, :n], labels[i], seeds[i]) for i, n in enumerate(counts)]
 
