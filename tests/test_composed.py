@@ -157,7 +157,7 @@ def test_a_clip_depends_on_its_number_and_the_clips_there_are() -> None:
 
 
 def test_composed_clips_of_gestures() -> None:
-    clips = [clip for clip in composed_clips(10, GESTURES) if clip.split != "val"]
+    clips = [clip for clip in composed_clips(20, GESTURES) if clip.split != "val"]
     done = 0
     for clip in clips:
         try:

@@ -31,7 +31,7 @@ PACKAGES = sorted(
     for top in ("motiongen", "retarget", "sim", "drivers", "rigcast")
     for path in (ROOT / top).rglob("__init__.py")
 )
-VERBS = ("say", "play", "check", "view", "drive", "bus", "demo", "data", "evaluate", "listing", "train", "training")
+VERBS = ("say", "play", "check", "view", "drive", "bus", "demo", "data", "evaluate", "listing", "train", "watching")
 
 
 def modules(folder: str) -> list[str]:

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from itertools import product
 
 _SUBJECTS = ("a person", "someone", "the robot", "he", "she")
-_ASKING = ("{}", "please {}", "now {}", "can you {}?", "{} for me", "{}!", "could you {}")
+ASKING = (
+    "{}", "please {}", "now {}", "can you {}?", "{} for me", "{}!", "could you {}", "would you {}?", "try to {}",
+    "I'd like you to {}", "ok, {}", "and now {}", "you should {}", "{} if you can", "do this: {}",
+)  # fmt: skip
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 SLOW, FAST = 0.9, 1.1  # factors from which a speed is worth saying
 SMALL, LARGE = 0.85, 1.15
@@ -44,7 +47,7 @@ def captions(verbs: tuple[str, ...], said: Said) -> tuple[str, ...]:
     for (verb, count), angle, size, speed in product(told, _angles(said), _sizes(said), _speeds(said)):
         tail = " ".join(word for word in (angle, count, size, speed) if word)
         out += [f"{subject} {third_person(verb)} {tail}".strip() for subject in _SUBJECTS]
-        out += [frame.format(f"{plain(verb)} {tail}".strip()) for frame in _ASKING]
+        out += [frame.format(f"{plain(verb)} {tail}".strip()) for frame in ASKING]
     return tuple(dict.fromkeys(out))
 
 

@@ -10,10 +10,10 @@ import hashlib
 import re
 from collections.abc import Iterator
 
+from motiongen.gestures.phrases import ASKING
 from motiongen.text.words import CONTENTS, STYLES, Content
 
 _SUBJECTS = ("a person", "someone", "the person", "a man", "a woman", "the robot", "he", "she", "the figure")
-_ASKING = ("{}", "please {}", "can you {}?", "now {}", "{}!")
 _WANTING = ("gimme {}", "give me {}", "show me {}", "let's see {}")  # of nouns with an article
 _SAME_STYLE = {"masculinity": "masculine", "old": "elderly", "tired": "exhausted"}
 # Whole words ("leftwards" and "counterclockwise" too), so that nobody ends up standing "upleft".
@@ -59,7 +59,7 @@ def _asked(what: Content, adverbs: tuple[str, ...]) -> Iterator[str]:
     """As people ask for it, politely and less so."""
     for verb in what.plain:
         for adverb in adverbs:
-            yield from (frame.format(f"{verb} {adverb}".strip()) for frame in _ASKING)
+            yield from (frame.format(f"{verb} {adverb}".strip()) for frame in ASKING)
             yield f"make the robot {verb} {adverb}".strip().replace(" your ", " its ")
 
 

@@ -9,14 +9,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
-from motiongen.gestures.phrases import third_person
+from motiongen.gestures.phrases import ASKING, third_person
 
 _SUBJECTS = ("a person", "someone", "the person", "the robot", "he", "she")
 MOST_PHRASES = 5  # of a part, in the grammar of a combination: their product is hundreds
 # "walks and turns left" cannot be joined with "and then" and still be understood.
 _MANIFOLD = re.compile(r"\b(and|then|while|after|before|now)\b|,|^(is|are) ")
 _THIRD = re.compile(r"(?:an? (?:[\w-]+ )*(?:person|man|woman|figure|robot)|someone|the \w+|he|she|they) (\w+s .+|\w+s)")
-_ASKED = re.compile(r"(?:please|now|can you) (\w.+|\w+)")
+_ASKED = [
+    re.compile(re.escape(frame.rstrip("?!")).replace(r"\{\}", "(.+)")) for frame in ASKING if frame.rstrip("?!") != "{}"
+]
 _NO_DOING = re.compile(r"(keep|go) \w+ing\b|be ")
 _DOUBLED = (
     "bid", "clap", "cup", "flap", "get", "hit", "hop", "hug", "jog", "nod", "put", "rub", "run", "shrug", "sidestep",
@@ -35,11 +37,12 @@ class Phrases:
 def phrases_of(captions: Iterable[str]) -> Phrases:
     """The verb phrases in `captions` that can be joined with others, at most 5 of a kind, each once.
 
-    Raises ValueError where there is none in the third person.
+    Raises ValueError where there is none.
     """
     captions = tuple(caption.rstrip("?!") for caption in captions)
     third = [found[1] for caption in captions if (found := _THIRD.fullmatch(caption))]
-    plain = [found[1] for caption in captions if (found := _ASKED.fullmatch(caption))]
+    plain = [found[1] for caption in captions for frame in _ASKED if (found := frame.fullmatch(caption))]
+    third += [third_person(re.sub(r"^\w+", lambda verb: f"[{verb[0]}]", said)) for said in plain]
     phrases = Phrases(*(_simple(said) for said in (third, plain)))
     if not phrases.third:
         raise ValueError(f"no phrase to join with others in captions such as {captions[0] if captions else ''!r}")
