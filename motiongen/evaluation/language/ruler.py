@@ -26,9 +26,9 @@ from motiongen.text.claims import NEAR_DEG, Asked, Claim, Pace, holds
 
 _COUNTED = {
     "wave": "wave", "nod": "nod", "shake-head": "shake", "clap": "clap", "squat": "squat", "jump": "jump",
-    "march": "step",
+    "march": "step", "bow": "bow", "step-forward": "step", "step-back": "step",
 }  # fmt: skip
-_ANGLED = {"bow": "bow", "raise-arm": "arm", "raise-arm-sideways": "arm"}
+_ANGLED = {"turn": "turn", "bow": "bow", "raise-arm": "arm", "raise-arm-sideways": "arm"}
 _PACED = ("wave", "nod", "shake-head", "clap", "squat", "bow")
 _SIDED = {
     "wave": "wave", "raise-arm": "raise", "salute": "hand", "point-up": "hand", "beckon": "hand",
