@@ -25,6 +25,7 @@ from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton,
 from motiongen.nn import Floats
 from motiongen.skeletons import BANDAI_NAMCO
 from motiongen.text.encoder import TextEncoder
+from motiongen.text.plan import Piece, plan_of
 
 GUIDANCE = 2.5
 UNSAID_S = 4.0  # length of what nobody described
@@ -34,13 +35,19 @@ class DiffusionGenerator:
     """The network in the weights file at `path`, named after it. Raises WeightsError, ModuleNotFoundError."""
 
     def __init__(
-        self, path: Path = FOLDER / "mdm.safetensors", *, sampler: str = "dpm-solver-2m", steps: int = 10
+        self,
+        path: Path = FOLDER / "mdm.safetensors",
+        *,
+        sampler: str = "dpm-solver-2m",
+        steps: int = 10,
+        plans: bool = True,
     ) -> None:
+        """`plans`: whether a text that says several things is taken apart."""
         self.name = path.stem
         self._model = load_weights(path)
         require_known(self._model, str(path))
         self._encoder = TextEncoder()
-        self._sampler = sampler
+        self._sampler, self._plans = sampler, plans
         self.licence, self.digest, self.passes = self._model.licence, self._model.digest, steps
 
     def familiarity(self, text: str) -> Familiarity:
@@ -66,15 +73,55 @@ class DiffusionGenerator:
     ) -> list[Motion]:
         """One motion a text, drawn together; text i from seed + i, or from `seed[i]` where there is one for each.
 
-        Where a text says by how many degrees to turn, that is how far it turns.
+        Where a text says by how many degrees to turn, that is how far it turns. Where it says several things, at once
+        or one after the other, it is drawn as the timeline that it amounts to (`plan_of`).
         """
         texts = [check_prompt(t, seconds) for t in texts]
-        told = said.texts(self._encoder, texts)
-        usual = usual_seconds(self._model.lengths, told.sentence)
-        usual = np.clip(usual, MIN_SECONDS, self._model.window / FPS).round(1)
-        counts = [round((seconds or each) * FPS) for each in usual]
         seeds = list(range(seed, seed + len(texts))) if isinstance(seed, int) else list(seed)
+        plans = [plan_of(text) if self._plans else () for text in texts]
+        plain = [i for i, plan in enumerate(plans) if not plan]
+        counts = [round(each * FPS) for each in self._usual([texts[i] for i in plain], seconds)]
+        drawn = self._texts([texts[i] for i in plain], counts, [seeds[i] for i in plain], guidance)
+        found = dict(zip(plain, drawn, strict=True))
+        for i in set(range(len(texts))) - set(plain):
+            found[i] = self._planned(texts[i], plans[i], seconds, seeds[i], guidance)
+        return [found[i] for i in range(len(texts))]
+
+    def _usual(self, texts: Sequence[str], seconds: float | None) -> list[float]:
+        """Seconds for each text: as many as are asked for, or as such motions last."""
+        if seconds is not None or not texts:
+            return [seconds or 0.0] * len(texts)
+        usual = usual_seconds(self._model.lengths, self._encoder(list(texts))[2])
+        return [float(each) for each in np.clip(usual, MIN_SECONDS, self._model.window / FPS).round(1)]
+
+    def _texts(
+        self, texts: Sequence[str], counts: Sequence[int], seeds: Sequence[int], guidance: float | None
+    ) -> list[Motion]:
+        """Motions of texts that each say one thing."""
+        if not texts:
+            return []
+        told = said.texts(self._encoder, texts)
         return self._whole(told, texts, counts, seeds, guidance, turning(self._model, texts, counts))
+
+    def _planned(
+        self,
+        text: str,
+        plan: tuple[tuple[Piece, ...], ...],
+        seconds: float | None,
+        seed: int,
+        guidance: float | None,
+    ) -> Motion:
+        """A motion of a text that says several things, by the timeline that it amounts to."""
+        lasts = [max(self._usual([piece.text for piece in step], None)) for step in plan]
+        ends = np.cumsum(lasts) * (1.0 if seconds is None else seconds / sum(lasts))
+        starts = [0.0, *ends[:-1]]
+        entries = [
+            Entry(piece.text, float(start), float(end), piece.parts)
+            for step, start, end in zip(plan, starts, ends, strict=True)
+            for piece in step
+        ]
+        out = self.generate_timeline(entries, seed=seed, guidance=guidance)
+        return replace(out, labels=(Label(0.0, (len(out) - 1) / FPS, text),))
 
     def generate_action(
         self, action: str, *, seconds: float | None = None, seed: int = 0, guidance: float | None = None

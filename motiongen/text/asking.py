@@ -24,11 +24,11 @@ _BY_HAND = (
 
 _SIDED = ("wave", "raise", "arm", "turn", "hand", "leg", "aside")
 
-_THEN = re.compile(r",?\s*\b(?:and )?(?:then|after that|afterwards|followed by|before)\b\s*")
-_WHILE = re.compile(r",?\s*\b(?:while|as (?=\w+ (?:walk|march|run|go)))\b\s*")
-_ORDERS: tuple[tuple[re.Pattern[str], Order], ...] = ((_THEN, "then"), (_WHILE, "while"))
-_AT_ONCE = re.compile(r"\b(?:at the same time|meanwhile|simultaneously)\b")
-_AND = re.compile(r"\s+and\s+")
+THEN = re.compile(r",?\s*\b(?:and )?(?:then|after that|afterwards|followed by|before)\b\s*")
+WHILE = re.compile(r",?\s*\b(?:while|as (?=\w+ (?:walk|march|run|go)))\b\s*")
+_ORDERS: tuple[tuple[re.Pattern[str], Order], ...] = ((THEN, "then"), (WHILE, "while"))
+AT_ONCE = re.compile(r"\b(?:at the same time|meanwhile|simultaneously)\b")
+AND = re.compile(r"\s+and\s+")
 _RUN = re.compile(r"\b(?:run|jog|sprint|dash)\w*")
 _WALK = re.compile(r"\b(?:walk|stroll|march)\w*")
 _UP = re.compile(r"\b(?:arms?|hands?)\b.*\b(?:up|in the air)\b")
@@ -42,11 +42,11 @@ def asked_of(text: str) -> Asked | None:
     for pattern, order in _ORDERS:
         parts = [part for part in pattern.split(text) if part]
         if len(parts) > 1:
-            return _together([_claim(part) for part in parts], order)
-    halves = [claim for part in _AND.split(text) if (claim := _claim(part))]
+            return _together([claim_of(part) for part in parts], order)
+    halves = [claim for part in AND.split(text) if (claim := claim_of(part))]
     if len({claim.action for claim in halves}) == len(halves) > 1:
-        return _together([*halves], "while" if _AT_ONCE.search(text) else "any")
-    return _together([_claim(text)], "any")
+        return _together([*halves], "while" if AT_ONCE.search(text) else "any")
+    return _together([claim_of(text)], "any")
 
 
 def _together(claims: list[Claim | None], order: Order) -> Asked | None:
@@ -58,7 +58,7 @@ def _together(claims: list[Claim | None], order: Order) -> Asked | None:
     return Asked(known, order if timed else "any")
 
 
-def _claim(text: str) -> Claim | None:
+def claim_of(text: str) -> Claim | None:
     """What a text that asks for one thing asks for."""
     said = read(text)
     action = _action(text, said)
