@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from motiongen.diffusion import mdm_run, mixing, motiondiffuse_run
 from motiongen.diffusion.said import Said, with_nothing
 from motiongen.diffusion.samplers import SAMPLERS, Denoiser, from_noise, guided, seeded, to_noise
-from motiongen.diffusion.schedule import COSINE, SCHEDULES, even_ratios, even_times
+from motiongen.diffusion.schedule import SCHEDULES, even_ratios
 from motiongen.diffusion.weights import Weights, WeightsError
 from motiongen.nn import Floats
 
@@ -88,7 +88,7 @@ def draw(
     total = max(each.span.stop for each in passes)
     noise = seeded(seeds, max(total, model.window), total, len(model.mean))
     schedule = SCHEDULES[model.schedule]
-    times = even_times(how.steps) if schedule is COSINE else even_ratios(schedule, how.steps)
+    times = even_ratios(schedule, how.steps)
     denoise = _together(model, passes, np.array(counts), how.guidance)
     return SAMPLERS[how.sampler](constrain(denoise) if constrain else denoise, noise, schedule, times)
 

@@ -16,11 +16,13 @@ from motiongen.diffusion.editing import edit_of, edited
 from motiongen.diffusion.finish import finished
 from motiongen.diffusion.lengths import usual_seconds
 from motiongen.diffusion.promised import turning
+from motiongen.diffusion.repeats import count_asked, repeated
 from motiongen.diffusion.said import Said
 from motiongen.diffusion.timeline import Entry, passes_of
 from motiongen.diffusion.weights import FOLDER, load_weights, nearest
 from motiongen.features import FPS, features_to_motion
 from motiongen.generator import MIN_SECONDS, Familiarity, PromptError, check_prompt, check_seconds
+from motiongen.measure.clip import observe
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from motiongen.nn import Floats
 from motiongen.skeletons import BANDAI_NAMCO
@@ -40,14 +42,14 @@ class DiffusionGenerator:
         *,
         sampler: str = "dpm-solver-2m",
         steps: int = 10,
-        plans: bool = True,
+        alone: bool = False,
     ) -> None:
-        """`plans`: whether a text that says several things is taken apart."""
+        """`alone`: the network alone is to follow the text, with nothing taken apart, turned or counted for it."""
         self.name = path.stem
         self._model = load_weights(path)
         require_known(self._model, str(path))
         self._encoder = TextEncoder()
-        self._sampler, self._plans = sampler, plans
+        self._sampler, self._alone = sampler, alone
         self.licence, self.digest, self.passes = self._model.licence, self._model.digest, steps
 
     def familiarity(self, text: str) -> Familiarity:
@@ -73,15 +75,15 @@ class DiffusionGenerator:
     ) -> list[Motion]:
         """One motion a text, drawn together; text i from seed + i, or from `seed[i]` where there is one for each.
 
-        Where a text says by how many degrees to turn, that is how far it turns. Where it says several things, at once
-        or one after the other, it is drawn as the timeline that it amounts to (`plan_of`).
+        Where a text says by how many degrees to turn, or how often to do a thing, that is what comes out (`turning`,
+        `repeated`). Where it says several things, at once or one after the other, it is drawn as the timeline that it
+        amounts to (`plan_of`).
         """
         texts = [check_prompt(t, seconds) for t in texts]
         seeds = list(range(seed, seed + len(texts))) if isinstance(seed, int) else list(seed)
-        plans = [plan_of(text) if self._plans else () for text in texts]
+        plans = [() if self._alone else plan_of(text) for text in texts]
         plain = [i for i, plan in enumerate(plans) if not plan]
-        counts = [round(each * FPS) for each in self._usual([texts[i] for i in plain], seconds)]
-        drawn = self._texts([texts[i] for i in plain], counts, [seeds[i] for i in plain], guidance)
+        drawn = self._texts([texts[i] for i in plain], seconds, [seeds[i] for i in plain], guidance)
         found = dict(zip(plain, drawn, strict=True))
         for i in set(range(len(texts))) - set(plain):
             found[i] = self._planned(texts[i], plans[i], seconds, seeds[i], guidance)
@@ -95,13 +97,29 @@ class DiffusionGenerator:
         return [float(each) for each in np.clip(usual, MIN_SECONDS, self._model.window / FPS).round(1)]
 
     def _texts(
-        self, texts: Sequence[str], counts: Sequence[int], seeds: Sequence[int], guidance: float | None
+        self, texts: Sequence[str], seconds: float | None, seeds: Sequence[int], guidance: float | None
     ) -> list[Motion]:
         """Motions of texts that each say one thing."""
         if not texts:
             return []
+        counts = [round(each * FPS) for each in self._usual(texts, seconds)]
         told = said.texts(self._encoder, texts)
-        return self._whole(told, texts, counts, seeds, guidance, turning(self._model, texts, counts))
+        if self._alone:
+            return self._whole(told, texts, counts, seeds, guidance)
+        drawn = self._drawn(told, counts, seeds, guidance, turning(self._model, texts, counts))
+        return [self._counted(*each, seconds is not None) for each in zip(drawn, texts, seeds, strict=True)]
+
+    def _counted(self, x: Floats, text: str, seed: int, as_long: bool) -> Motion:
+        """The motion of features `x` (T, 140), with the cycles that `text` counts; `as_long`: still in T frames."""
+        drawn = self._motion(x, text, seed)
+        claim = count_asked(text)
+        if claim is None or (cycles := repeated(x, claim, observe(drawn))) is x:
+            return drawn
+        counted = self._motion(cycles, text, seed)
+        if not as_long:
+            return counted
+        quicker = replace(counted, fps=FPS * (len(counted) - 1) / (len(x) - 1)).resampled(FPS)
+        return replace(quicker, labels=drawn.labels)
 
     def _planned(
         self,
@@ -148,7 +166,7 @@ class DiffusionGenerator:
         passes, count = passes_of(self._model, entries, self._encoder)
         x = draw(self._model, passes, [count], [seed], self._how(guidance))
         labels = tuple(Label(e.start_s, e.end_s, e.text, e.parts) for e in entries)
-        return self._motion(x[0, :count], labels, seed)
+        return replace(self._motion(x[0, :count], "", seed), labels=labels)
 
     def edit(
         self,
@@ -177,18 +195,23 @@ class DiffusionGenerator:
         return replace(out, labels=(*clip.labels, label), source=source)
 
     def _whole(
+        self, told: Said, texts: Sequence[str], counts: Sequence[int], seeds: Sequence[int], guidance: float | None
+    ) -> list[Motion]:
+        """One motion a condition, each `counts[i]` frames long."""
+        drawn = self._drawn(told, counts, seeds, guidance)
+        return [self._motion(*each) for each in zip(drawn, texts, seeds, strict=True)]
+
+    def _drawn(
         self,
         told: Said,
-        texts: Sequence[str],
         counts: Sequence[int],
         seeds: Sequence[int],
         guidance: float | None,
         constrain: Constraint | None = None,
-    ) -> list[Motion]:
-        """One motion a condition, each `counts[i]` frames long."""
+    ) -> list[Floats]:
+        """Normalised features (counts[i], 140) of one motion a condition."""
         x = draw(self._model, whole(self._model, told, max(counts)), counts, seeds, self._how(guidance), constrain)
-        labels = [(Label(0.0, (n - 1) / FPS, text),) for n, text in zip(counts, texts, strict=True)]
-        return [self._motion(x[i, :n], labels[i], seeds[i]) for i, n in enumerate(counts)]
+        return [each[:count] for each, count in zip(x, counts, strict=True)]
 
     def _nothing(self) -> Said:
         """Nothing said; raises PromptError where the model was never trained without a text."""
@@ -219,11 +242,12 @@ class DiffusionGenerator:
     def _source(self, seed: int) -> Source:
         return Source(self.name, self.digest, seed, self.licence)
 
-    def _motion(self, x: Floats, labels: tuple[Label, ...], seed: int) -> Motion:
+    def _motion(self, x: Floats, text: str, seed: int) -> Motion:
         model = self._model
         skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, model.offsets.astype(float), BANDAI_NAMCO.foot_height)
         features = finished((x * model.std + model.mean).astype(float), skeleton)
-        return features_to_motion(features, skeleton, labels=labels, source=self._source(seed))
+        label = Label(0.0, (len(x) - 1) / FPS, text)
+        return features_to_motion(features, skeleton, labels=(label,), source=self._source(seed))
 
 
 def _count(seconds: float | None) -> int:
