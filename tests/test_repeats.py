@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from motiongen.diffusion.repeats import count_asked, repeated
+from motiongen.diffusion.repeats import repeated
 from motiongen.features import features_to_motion, motion_to_features
 from motiongen.generator import load_generator
 from motiongen.measure.clip import Seen, observe
@@ -67,13 +67,3 @@ def test_no_cut_can_be_felt(to: int) -> None:
 
 def waved(to: int) -> Motion:
     return counted("wave 4 times with the right hand", Claim("wave", "right", count=to))
-
-
-@pytest.mark.parametrize("text", ["wave", "walk while clapping twice", "clap 500 times", "turn left 90 degrees"])
-def test_what_counts_nothing_or_more_than_one_thing(text: str) -> None:
-    assert count_asked(text) is None
-
-
-def test_a_length_that_was_asked_for_stays() -> None:
-    motion = load_generator().generate("clap five times", seconds=3.0)
-    assert len(motion) == 90

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +17,13 @@ from motiongen.diffusion.draw import Constraint, Drawing, draw, require_known, w
 from motiongen.diffusion.editing import edit_of, edited
 from motiongen.diffusion.finish import finished
 from motiongen.diffusion.lengths import usual_seconds
+from motiongen.diffusion.mended import counted, lasting, mended
 from motiongen.diffusion.promised import turning
-from motiongen.diffusion.repeats import count_asked, repeated
 from motiongen.diffusion.said import Said
 from motiongen.diffusion.timeline import Entry, passes_of
 from motiongen.diffusion.weights import FOLDER, load_weights, nearest
-from motiongen.features import FPS, features_to_motion
+from motiongen.features import FPS, features_to_motion, mirror
 from motiongen.generator import MIN_SECONDS, Familiarity, PromptError, check_prompt, check_seconds
-from motiongen.measure.clip import observe
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from motiongen.nn import Floats
 from motiongen.skeletons import BANDAI_NAMCO
@@ -44,7 +45,7 @@ class DiffusionGenerator:
         steps: int = 10,
         alone: bool = False,
     ) -> None:
-        """`alone`: the network alone is to follow the text, with nothing taken apart, turned or counted for it."""
+        """`alone`: the network alone is to follow the text, with nothing taken apart, turned or mended for it."""
         self.name = path.stem
         self._model = load_weights(path)
         require_known(self._model, str(path))
@@ -75,9 +76,9 @@ class DiffusionGenerator:
     ) -> list[Motion]:
         """One motion a text, drawn together; text i from seed + i, or from `seed[i]` where there is one for each.
 
-        Where a text says by how many degrees to turn, or how often to do a thing, that is what comes out (`turning`,
-        `repeated`). Where it says several things, at once or one after the other, it is drawn as the timeline that it
-        amounts to (`plan_of`).
+        Where a text says by how many degrees to turn, that is how far it turns (`turning`); a side, a count or a pace
+        that came out wrong is put right (`mended`). Where it says several things, at once or one after the other, it is
+        drawn as the timeline that it amounts to (`plan_of`).
         """
         texts = [check_prompt(t, seconds) for t in texts]
         seeds = list(range(seed, seed + len(texts))) if isinstance(seed, int) else list(seed)
@@ -107,19 +108,10 @@ class DiffusionGenerator:
         if self._alone:
             return self._whole(told, texts, counts, seeds, guidance)
         drawn = self._drawn(told, counts, seeds, guidance, turning(self._model, texts, counts))
-        return [self._counted(*each, seconds is not None) for each in zip(drawn, texts, seeds, strict=True)]
-
-    def _counted(self, x: Floats, text: str, seed: int, as_long: bool) -> Motion:
-        """The motion of features `x` (T, 140), with the cycles that `text` counts; `as_long`: still in T frames."""
-        drawn = self._motion(x, text, seed)
-        claim = count_asked(text)
-        if claim is None or (cycles := repeated(x, claim, observe(drawn))) is x:
-            return drawn
-        counted = self._motion(cycles, text, seed)
-        if not as_long:
-            return counted
-        quicker = replace(counted, fps=FPS * (len(counted) - 1) / (len(x) - 1)).resampled(FPS)
-        return replace(quicker, labels=drawn.labels)
+        return [
+            mended(x, text, partial(self._motion, text=text, seed=seed), self._mirrored, as_long=seconds is not None)
+            for x, text, seed in zip(drawn, texts, seeds, strict=True)
+        ]
 
     def _planned(
         self,
@@ -138,8 +130,16 @@ class DiffusionGenerator:
             for step, start, end in zip(plan, starts, ends, strict=True)
             for piece in step
         ]
-        out = self.generate_timeline(entries, seed=seed, guidance=guidance)
-        return replace(out, labels=(Label(0.0, (len(out) - 1) / FPS, text),))
+        x = self._timeline(entries, seed, guidance)
+        motion = partial(self._motion, text=text, seed=seed)
+        bounds = np.round(np.array([*starts, ends[-1]]) * FPS).astype(int)
+        x = np.concatenate(
+            [
+                counted(x[a:b], step[0].text, motion) if len(step) == 1 else x[a:b]
+                for step, (a, b) in zip(plan, pairwise(bounds), strict=True)
+            ]
+        )
+        return motion(x) if seconds is None else lasting(motion(x), (bounds[-1] - 1) / FPS)
 
     def generate_action(
         self, action: str, *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
@@ -163,10 +163,13 @@ class DiffusionGenerator:
 
         Raises TimelineError where the entries leave a gap or are none, ValueError for unknown parts.
         """
-        passes, count = passes_of(self._model, entries, self._encoder)
-        x = draw(self._model, passes, [count], [seed], self._how(guidance))
         labels = tuple(Label(e.start_s, e.end_s, e.text, e.parts) for e in entries)
-        return replace(self._motion(x[0, :count], "", seed), labels=labels)
+        return replace(self._motion(self._timeline(entries, seed, guidance), "", seed), labels=labels)
+
+    def _timeline(self, entries: Sequence[Entry], seed: int, guidance: float | None) -> Floats:
+        """Features (T, 140) of `generate_timeline`."""
+        passes, count = passes_of(self._model, entries, self._encoder)
+        return draw(self._model, passes, [count], [seed], self._how(guidance))[0, :count]
 
     def edit(
         self,
@@ -241,6 +244,10 @@ class DiffusionGenerator:
 
     def _source(self, seed: int) -> Source:
         return Source(self.name, self.digest, seed, self.licence)
+
+    def _mirrored(self, x: Floats) -> Floats:
+        model = self._model
+        return (mirror(x * model.std + model.mean) - model.mean) / model.std
 
     def _motion(self, x: Floats, text: str, seed: int) -> Motion:
         model = self._model

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from motiongen.features import FPS
 from motiongen.measure.clip import SIDES, Event, Seen
 from motiongen.nn import Floats
-from motiongen.text.asking import asked_of
 from motiongen.text.claims import Claim
 
-MOST = 20  # more of anything than this is not put together
+MOST = 20  # times: more of anything than this is not put together
 SHORTEST_S = 0.2  # of a cycle: a quick clap takes twice as long
 HALF = 0.45  # share of an event's seconds, before its middle and after, that is not cut into
 AT_LEAST_S = 0.2  # the same in seconds: nothing tells how long a jump or a raised hand takes
@@ -23,26 +22,21 @@ SPEED = 3.0  # how much more than the pose the change from frame to frame counts
 BLEND_S = 0.2  # before and after a cut
 
 
-def count_asked(text: str) -> Claim | None:
-    """What `text` counts, where that is all it asks for."""
-    asked = asked_of(text)
-    claim = asked.claims[0] if asked and len(asked.claims) == 1 else None
-    return claim if claim is not None and claim.count is not None and claim.count <= MOST else None
-
-
 def repeated(x: Floats, claim: Claim, seen: Seen) -> Floats:
     """Features `x` (T, F), of whose motion `seen` is what was measured, with as many cycles as `claim` counts.
 
-    As they are where it is done as often already, or not at all, or where no cycle can be cut out.
+    As they are where nothing is counted, where it is done as often already, or not at all, or more than MOST times, or
+    where no cycle can be cut out.
     """
-    order = _order(x, claim, seen)
+    if claim.count is None or claim.count > MOST:
+        return x
+    order = _order(x, claim, claim.count, seen)
     return x if order is None else _blended(x, order)
 
 
-def _order(x: Floats, claim: Claim, seen: Seen) -> NDArray[np.int_] | None:
-    """The frames of `x` in an order that does `claim` as often as it says."""
-    assert claim.count is not None
-    wanted = 2 * claim.count - 1 if claim.action == "shake" else claim.count  # shakes are measured by the swing
+def _order(x: Floats, claim: Claim, count: int, seen: Seen) -> NDArray[np.int_] | None:
+    """The frames of `x` in an order that does `claim` `count` times."""
+    wanted = 2 * count - 1 if claim.action == "shake" else count  # shakes are measured by the swing
     counted = _counted(claim, seen)
     missing = {wanted - len(events) for events in counted}
     if missing == {0} or len(missing) > 1 or not all(counted):

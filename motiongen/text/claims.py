@@ -221,14 +221,17 @@ def _shared(claim: Claim, asked: Asked) -> bool:
 
 def _paced(claim: Claim, seen: Seen) -> bool:
     """Whether it is done more slowly, or quickly, than is usual."""
+    times = slowness(claim, seen)
+    return times > 1 + PACE_OFF if claim.pace == "slow" else 0 < times < 1 - PACE_OFF
+
+
+def slowness(claim: Claim, seen: Seen) -> float:
+    """How many times as long as usual it takes, once; 0 where it is not done. Raises KeyError where none is usual."""
     if claim.action in USUAL_SPEED:
-        slowness = USUAL_SPEED[claim.action] / max(seen.totals.mean_speed_m_s, 1e-6)
-    else:
-        seconds = [event.seconds for event in _events(claim, seen)]
-        if not seconds:
-            return False
-        slowness = float(np.median(seconds)) / USUAL_S[claim.action]
-    return slowness > 1 + PACE_OFF if claim.pace == "slow" else slowness < 1 - PACE_OFF
+        speed = seen.totals.mean_speed_m_s
+        return USUAL_SPEED[claim.action] / speed if speed > 0 else 0.0
+    seconds = [event.seconds for event in _events(claim, seen)]
+    return float(np.median(seconds)) / USUAL_S[claim.action] if seconds else 0.0
 
 
 def _events(claim: Claim, seen: Seen) -> list[Event]:
