@@ -1,11 +1,16 @@
-"""Synthetic human motions with known answers: a skeleton of 1.66 m, standing, waving, squatting, walking, flailing."""
+"""Synthetic human motions with known answers: a skeleton of 1.66 m, standing, waving, squatting, walking, flailing.
+
+And what several tests look at a motion with.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from motiongen.measure.clip import observe
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 from motiongen.rotation import Array, axis_angle_to_quat, quat_mul, quat_rotate
+from motiongen.text.claims import Asked, Claim, holds
 
 FORWARD, LEFT, UP = np.eye(3)
 THIGH, SHIN = 0.40, 0.41
@@ -142,3 +147,40 @@ def turned(clip: Motion, yaw: float, shift: Array) -> Motion:
     quat = clip.joint_quat.copy()
     quat[:, 0] = quat_mul(turn, quat[:, 0])
     return Motion(quat_rotate(turn, clip.root_pos) + shift, quat, clip.fps, clip.skeleton, clip.labels, clip.source)
+
+
+def a_motion(frames: int = 7, *, contacts: bool = True) -> Motion:
+    """Random turns of every joint and a random walk of the root."""
+    rng = np.random.default_rng(3)
+    offsets = rng.normal(0, 0.2, (22, 3))
+    offsets[0] = 0
+    quat = rng.normal(size=(frames, 22, 4))
+    quat /= np.linalg.norm(quat, axis=-1, keepdims=True)
+    return Motion(
+        root_pos=rng.normal(size=(frames, 3)),
+        joint_quat=quat,
+        fps=30.0,
+        skeleton=Skeleton(SMPL_JOINTS, SMPL_PARENTS, offsets, (0.11, 0.04)),
+        labels=(Label(0.0, 0.2, "wäve", ("right_arm",)), Label(0.1, 0.2, 'say "hi", twice')),
+        source=Source("mdm", "abc123", 7, "CC BY-NC 4.0"),
+        contacts=rng.random((frames, 4)) < 0.5 if contacts else None,
+    )
+
+
+def at(motion: Motion, joint: str) -> Array:
+    """World path (T, 3) of a joint."""
+    return motion.positions()[:, motion.skeleton.index(joint)]
+
+
+def excursions(signal: Array, high: float, low: float) -> int:
+    """How often a signal rises over `high` after having been under `low`."""
+    count, armed = 0, True
+    for value in signal:
+        if armed and value > high:
+            count, armed = count + 1, False
+        armed = armed or value < low
+    return count
+
+
+def does(asked: Asked | Claim, motion: Motion) -> bool:
+    return holds(asked if isinstance(asked, Asked) else Asked((asked,)), observe(motion))

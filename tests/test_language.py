@@ -1,30 +1,25 @@
-"""What a text asks for, whether a motion does it, and which of several comes nearest; truth known by construction."""
+"""What a text asks for, and whether a motion does it; truth known by construction."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import motions
 import numpy as np
 import pytest
+from motions import does
 
-from motiongen.candidates import MOST, choose
-from motiongen.data.dataset import Dataset, Entry, Head
-from motiongen.evaluation.baselines import MeanPose, Retrieval
-from motiongen.evaluation.language.discriminants import Discriminant, content_judge
 from motiongen.evaluation.language.prompts import CATEGORIES, Prompt, prompts
 from motiongen.evaluation.language.ruler import gesture_cases, trust
 from motiongen.evaluation.language.run import interval, language_table, main, rows
-from motiongen.features import motion_to_features
-from motiongen.generator import Familiarity, PromptError
 from motiongen.gestures.catalogue import perform
 from motiongen.gestures.generator import GestureGenerator
 from motiongen.measure.clip import observe
 from motiongen.motion import Motion
 from motiongen.text.asking import asked_of
 from motiongen.text.captions import kept_for_testing, swap_sides
-from motiongen.text.claims import Asked, Claim, holds, shortfall
+from motiongen.text.claims import Asked, Claim, shortfall
 
 
 def after(first: Motion, second: Motion) -> Motion:
@@ -35,10 +30,6 @@ def after(first: Motion, second: Motion) -> Motion:
         joint_quat=np.concatenate([first.joint_quat, second.joint_quat]),
         contacts=None,
     )
-
-
-def does(asked: Asked | Claim, motion: Motion) -> bool:
-    return holds(asked if isinstance(asked, Asked) else Asked((asked,)), observe(motion))
 
 
 # ---- What a text asks for
@@ -166,64 +157,6 @@ def test_nearer_falls_less_short() -> None:
     assert other > short[1]
 
 
-# ---- Candidates
-
-
-@dataclass
-class Waver:
-    """Waves as often as the seed says, whatever the text; one after another, or all in one batch."""
-
-    name: str = "waver"
-    licence: str = "CC0"
-    seeds: list[int] = field(default_factory=list)
-
-    def familiarity(self, text: str) -> Familiarity:
-        return Familiarity("wave" in text, 1.0, ("wave",))
-
-    def generate(
-        self, text: str, *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
-    ) -> Motion:
-        self.seeds.append(seed)
-        return perform("wave", side="left", count=seed)
-
-
-class BatchWaver(Waver):
-    def generate_batch(
-        self, texts: list[str], *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
-    ) -> list[Motion]:
-        return [self.generate(text, seed=seed + i) for i, text in enumerate(texts)]
-
-
-@pytest.mark.parametrize("generator", [Waver(), BatchWaver()], ids=["one by one", "batch"])
-def test_the_candidate_that_measures_right_is_kept(generator: Waver) -> None:
-    generator.seeds.clear()
-    kept = choose(generator, "wave three times with the left hand", candidates=4, seed=1)
-    assert (kept.index, kept.drawn, kept.right) == (2, 4, True)
-    assert observe(kept.motion).totals.left_waves == 3
-    assert generator.seeds == [1, 2, 3, 4]
-    assert str(kept) == "kept 3 of 4: waves three times (left)"
-
-
-def test_nothing_more_is_drawn_than_is_needed() -> None:
-    generator = Waver()
-    assert choose(generator, "wave twice with the left hand", candidates=8, seed=2).drawn == 1
-    assert choose(generator, "dance to music", candidates=8, seed=1).drawn == 1
-    assert choose(generator, "wave five times with the left hand", candidates=1, seed=1).drawn == 1
-    assert generator.seeds == [2, 1, 1]
-
-
-def test_where_none_is_right_the_nearest_is_kept() -> None:
-    kept = choose(Waver(), "wave five times with the left hand", candidates=3, seed=1)
-    assert (kept.index, kept.right) == (2, False)
-    assert str(kept) == "kept 3 of 3, which comes nearest to: waves five times (left)"
-
-
-@pytest.mark.parametrize("count", [0, -1, MOST + 1])
-def test_a_number_of_candidates_that_makes_no_sense_is_refused(count: int) -> None:
-    with pytest.raises(PromptError, match=str(count)):
-        choose(Waver(), "wave", candidates=count)
-
-
 # ---- The table
 
 
@@ -255,74 +188,6 @@ def test_the_table_of_gestures() -> None:
         ("counts", 3, 1.0), ("wrong", 1, 0.0), ("refused", 1, 0.0), ("judged", 2, 0.5), ("scope", 2, 1.0),
     ]  # fmt: skip
     assert rows(asked[:1], [True])[0].low == pytest.approx(interval(1, 1)[0])
-
-
-def test_a_discriminant_tells_what_differs() -> None:
-    rng = np.random.default_rng(0)
-    means = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
-    which = rng.integers(0, 3, 600)
-    x = means[which] + rng.standard_normal((600, 3)) * [1, 1, 50]
-    tells = Discriminant(x[:300], [f"class {i}" for i in which[:300]])
-    right = np.mean([said == f"class {i}" for said, i in zip(tells(x[300:]), which[300:], strict=True)])
-    assert right > 0.85  # the best possible is 0.91
-    with pytest.raises(ValueError, match="two classes"):
-        Discriminant(x, ["one"] * 600)
-
-
-@pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    """Eight performances each of a bow, a nod and a wave with the left hand, all of the training split."""
-    entries, parts, start = [], [], 0
-    for name, text, other in (("bow", "bow", "bow"), ("nod", "nod", "nod"), ("wave", "wave left", "wave right")):
-        for seed in range(8):
-            clip = perform(name, side="left" if name == "wave" else None, seed=seed)
-            parts.append(motion_to_features(clip).astype(np.float16))
-            bones = tuple((x, y, z) for x, y, z in clip.skeleton.offsets.tolist())
-            entries.append(
-                Entry(
-                    f"{name}/{seed}",
-                    "gestures",
-                    "",
-                    "CC0",
-                    "train",
-                    start,
-                    len(parts[-1]),
-                    (text,),
-                    (other,),
-                    name,
-                    "",
-                    bones,
-                    clip.skeleton.foot_height,
-                )
-            )
-            start += len(parts[-1])
-    rows = np.concatenate(parts)
-    mean, std = (tuple(y.tolist()) for y in (rows.mean(0, float), rows.std(0, float)))
-    head = Head(1, ("gestures",), len(entries), finished=True, mean=mean, std=std)
-    return Dataset(tmp_path_factory.mktemp("data"), head, tuple(entries), (), (0,) * len(entries), (rows,))
-
-
-def test_retrieval_finds_the_clip_of_a_caption(data: Dataset) -> None:
-    retrieval = Retrieval(data)
-    assert retrieval.generate("nod").source.generator.startswith("nod/")
-    assert does(Claim("wave", "left"), retrieval.generate("wave left"))
-    assert does(Claim("wave", "right"), retrieval.generate("wave right"))  # of the mirror image
-    assert retrieval.familiarity("please nod").nearest[0] == "nod"
-    assert retrieval.familiarity("nod").score == pytest.approx(1, abs=1e-4)
-    assert not retrieval.familiarity("the stock market crashed").known
-    assert len({retrieval.generate("nod", seed=seed).source.generator for seed in range(12)}) > 3
-
-
-def test_the_mean_pose_stands_still(data: Dataset) -> None:
-    still = MeanPose(data).generate("wave", seconds=2)
-    assert still.duration == pytest.approx(2)
-    assert np.abs(np.diff(still.positions(), axis=0)).max() < 1e-9
-    assert observe(still).events == ()
-
-
-def test_judges_learn_contents(data: Dataset) -> None:
-    new = [perform(name, seed=100) for name in ("bow", "nod", "wave")]
-    assert content_judge(data)(new) == ["bow", "nod", "wave"]
 
 
 def test_the_command_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
