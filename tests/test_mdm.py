@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from motions import skeleton, walk
+from network_inputs import in_numpy, inputs
 
 from motiongen.diffusion.configs import LossWeights, MdmConfig
 from motiongen.diffusion.losses import joint_positions, loss, world_velocity
@@ -26,22 +27,9 @@ def model(request: pytest.FixtureRequest) -> Mdm:
     return model
 
 
-def inputs(length: int = 24) -> dict[str, torch.Tensor]:
-    g = torch.Generator().manual_seed(1)
-    return {
-        "x": torch.randn(2, length, 140, generator=g),
-        "t": torch.tensor([0.3, 0.8]),
-        "frames": torch.ones(2, length, dtype=torch.bool),
-        "words": torch.randn(2, 5, 16, generator=g),
-        "word_mask": torch.ones(2, 5, dtype=torch.bool),
-        "sentence": torch.randn(2, 16, generator=g),
-        "keep": torch.tensor([True, True]),
-    }
-
-
 @torch.inference_mode()
 def test_padding_changes_nothing(model: Mdm) -> None:
-    given = inputs()
+    given = inputs(140)
     out = model(**given)
     longer = dict(given, x=torch.cat([given["x"], torch.randn(2, 12, 140)], 1))
     longer["frames"] = torch.cat([given["frames"], torch.zeros(2, 12, dtype=torch.bool)], 1)
@@ -52,7 +40,7 @@ def test_padding_changes_nothing(model: Mdm) -> None:
 
 @torch.inference_mode()
 def test_dropped_text_is_not_heard(model: Mdm) -> None:
-    given = inputs()
+    given = inputs(140)
     other = dict(given, words=given["words"] * 2, sentence=-given["sentence"])
     dropped = {"keep": torch.tensor([False, False])}
     assert torch.allclose(model(**(given | dropped)), model(**(other | dropped)), atol=1e-6)
@@ -61,7 +49,7 @@ def test_dropped_text_is_not_heard(model: Mdm) -> None:
 
 @torch.inference_mode()
 def test_an_action_stands_for_the_text(model: Mdm) -> None:
-    given = inputs()
+    given = inputs(140)
     other = dict(given, words=given["words"] * 2, sentence=-given["sentence"])
     by_action = {"action": torch.tensor([2, 2])}
     assert torch.allclose(model(**(given | by_action)), model(**(other | by_action)), atol=1e-6)
@@ -71,7 +59,7 @@ def test_an_action_stands_for_the_text(model: Mdm) -> None:
 
 @torch.inference_mode()
 def test_it_is_told_how_much_is_left(model: Mdm) -> None:
-    given = inputs()
+    given = inputs(140)
     shorter = dict(given, frames=given["frames"].clone())
     shorter["frames"][:, 18:] = False
     with_place = (model(**given) - model(**shorter))[:, :6].abs().max()
@@ -81,13 +69,13 @@ def test_it_is_told_how_much_is_left(model: Mdm) -> None:
 
 @torch.inference_mode()
 def test_numpy_runs_the_same_network(model: Mdm) -> None:
-    given = inputs() | {"t": torch.tensor([0.4, 0.4]), "keep": torch.tensor([True, False])}
+    given = inputs(140) | {"t": torch.tensor([0.4, 0.4]), "keep": torch.tensor([True, False])}
     given["action"] = torch.tensor([1, -1])
     given["frames"][1, 12:] = False
     given["word_mask"][0, 3:] = False
-    arrays = {k: v.numpy() for k, v in given.items()} | {"t": 0.4}
+    x, frames, said = in_numpy(given)
     tensors = {k: v.numpy() for k, v in model.state_dict().items()}
-    out = denoise(tensors, {"patch": SMALL.patch, "heads": SMALL.heads}, **arrays)
+    out = denoise(tensors, {"patch": SMALL.patch, "heads": SMALL.heads}, x, 0.4, frames, said)
     assert np.abs(out - model(**given).numpy()).max() < 2e-5
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from attention import written_out
+from network_inputs import in_numpy, inputs
 
 from motiongen.diffusion import motiondiffuse, motiondiffuse_run
 from motiongen.diffusion.configs import MotionDiffuseConfig
@@ -34,19 +35,6 @@ def model(request: pytest.FixtureRequest) -> MotionDiffuse:
     for p in model.parameters():
         torch.nn.init.normal_(p, std=0.2)
     return model
-
-
-def inputs(length: int = 24) -> dict[str, torch.Tensor]:
-    g = torch.Generator().manual_seed(1)
-    return {
-        "x": torch.randn(2, length, 10, generator=g),
-        "t": torch.tensor([0.3, 0.8]),
-        "frames": torch.ones(2, length, dtype=torch.bool),
-        "words": torch.randn(2, 5, 16, generator=g),
-        "word_mask": torch.ones(2, 5, dtype=torch.bool),
-        "sentence": torch.randn(2, 16, generator=g),
-        "keep": torch.tensor([True, True]),
-    }
 
 
 @pytest.mark.parametrize("source", [5, 8])  # self-attention, and to a text of another length
@@ -80,7 +68,7 @@ def test_a_style_is_eq_9() -> None:
 
 @torch.inference_mode()
 def test_padding_changes_nothing(model: MotionDiffuse) -> None:
-    given = inputs()
+    given = inputs(10)
     out = model(**given)
     longer = dict(given, x=torch.cat([given["x"], torch.randn(2, 12, 10)], 1))
     longer["frames"] = torch.cat([given["frames"], torch.zeros(2, 12, dtype=torch.bool)], 1)
@@ -91,7 +79,7 @@ def test_padding_changes_nothing(model: MotionDiffuse) -> None:
 
 @torch.inference_mode()
 def test_dropped_text_is_not_heard(model: MotionDiffuse) -> None:
-    given = inputs()
+    given = inputs(10)
     other = dict(given, words=torch.cat([given["words"] * 2] * 2, 1), sentence=-given["sentence"])
     other["word_mask"] = torch.ones(2, 10, dtype=torch.bool)
     dropped = {"keep": torch.tensor([False, False])}
@@ -102,7 +90,7 @@ def test_dropped_text_is_not_heard(model: MotionDiffuse) -> None:
 
 @torch.inference_mode()
 def test_an_action_stands_for_the_text(model: MotionDiffuse) -> None:
-    given = inputs()
+    given = inputs(10)
     other = dict(given, words=given["words"] * 2, sentence=-given["sentence"])
     by_action = {"action": torch.tensor([2, 2])}
     assert torch.allclose(model(**(given | by_action)), model(**(other | by_action)), atol=1e-5)
@@ -114,7 +102,7 @@ def test_an_action_stands_for_the_text(model: MotionDiffuse) -> None:
 def test_it_is_told_how_much_is_left(model: MotionDiffuse) -> None:
     for p in model.blocks.parameters():
         torch.nn.init.zeros_(p)  # nothing is passed between frames any more
-    given = inputs()
+    given = inputs(10)
     shorter = dict(given, frames=given["frames"].clone())
     shorter["frames"][:, 18:] = False
     assert not torch.allclose(model(**given)[:, :18], model(**shorter)[:, :18], atol=1e-3)
@@ -124,13 +112,13 @@ def test_it_is_told_how_much_is_left(model: MotionDiffuse) -> None:
 
 @torch.inference_mode()
 def test_numpy_runs_the_same_network(model: MotionDiffuse) -> None:
-    given = inputs() | {"keep": torch.tensor([True, False]), "action": torch.tensor([1, -1])}
+    given = inputs(10) | {"keep": torch.tensor([True, False]), "action": torch.tensor([1, -1])}
     given["frames"][1, 12:] = False
     given["word_mask"][0, 3:] = False
     tensors = {k: v.numpy() for k, v in model.state_dict().items()}
     for t in (1.0, 0.4, 0.0501, 0.001, 0.0):
-        arrays = {k: v.numpy() for k, v in given.items()} | {"t": t}
-        out = motiondiffuse_run.denoise(tensors, asdict(model.config), **arrays)
+        x, frames, said = in_numpy(given)
+        out = motiondiffuse_run.denoise(tensors, asdict(model.config), x, t, frames, said)
         expected = model(**(given | {"t": torch.tensor([t, t])})).numpy()
         assert np.abs(out - expected).max() < 2e-5 * np.abs(expected).max()
 
@@ -140,7 +128,7 @@ def test_a_token_of_several_frames_writes_clean_features_and_of_one_the_noise(mo
     written: list[torch.Tensor] = []
     model.write.register_forward_hook(lambda _, __, out: written.append(out.view(2, 24, 10)))
     for t in (1.0, 0.7123, 0.2):
-        given = inputs() | {"t": torch.tensor([t, t])}
+        given = inputs(10) | {"t": torch.tensor([t, t])}
         alpha, sigma = LINEAR.signal_and_noise(t)
         noise = model(**given)
         clean = (given["x"] - sigma * noise) / alpha  # as `from_noise` of the sampler

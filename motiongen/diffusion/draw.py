@@ -118,10 +118,8 @@ def _predictor(model: Weights, each: Pass, counts: NDArray[np.int_], scale: floa
     sizes = {name: int(model.sizes[name]) for name in ("patch", "heads")}
     frames = np.arange(stop - start) < np.maximum(counts[:, None] - start, sizes["patch"])
     frames = np.concatenate([frames, frames]) if guides else frames
-    network = NETWORKS[model.network]
 
     def predict(x: Floats, t: float) -> Floats:
-        heard = said.words, said.word_mask, said.sentence, said.keep, said.action
-        return network(model.tensors, sizes, x, t, frames, *heard)
+        return NETWORKS[model.network](model.tensors, sizes, x, t, frames, said)
 
     return guided(predict, scale) if guides else predict

@@ -7,22 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from motiongen.diffusion.said import Said
 from motiongen.nn import Floats, Tensors, attention, gelu, layer_norm, linear, silu, waves
 
 
-def denoise(
-    w: Tensors,
-    sizes: Mapping[str, int],
-    x: Floats,
-    t: float,
-    frames: NDArray[np.bool_],
-    words: Floats,
-    word_mask: NDArray[np.bool_],
-    sentence: Floats,
-    keep: NDArray[np.bool_],
-    action: NDArray[np.int_] | None = None,
-) -> Floats:
-    """Estimate of x_0 (B, T, features); the arguments are those of `Mdm.forward`, with one `t` for the batch.
+def denoise(w: Tensors, sizes: Mapping[str, int], x: Floats, t: float, frames: NDArray[np.bool_], said: Said) -> Floats:
+    """Estimate of x_0 (B, T, features); arguments as `Mdm.forward` has them, with one `t` for the batch.
 
     `sizes`: the config's `patch` and `heads`.
     """
@@ -30,14 +20,14 @@ def denoise(
     batch, length, features = x.shape
     tokens = linear(x.reshape(batch, length // patch, patch * features), w, "read")
     width = tokens.shape[-1]
-    said, heard = linear(sentence, w, "sentence"), linear(words, w, "word")
-    if action is not None:
-        act, is_act = w["action.weight"][np.maximum(action, 0)], (action >= 0)[:, None]
-        said, heard = np.where(is_act, act, said), np.where(is_act[:, None], act[:, None], heard)
-    said = np.where(keep[:, None], said, w["no_sentence"])
-    heard = np.where(keep[:, None, None], heard, w["no_words"])
+    sentence, words = linear(said.sentence, w, "sentence"), linear(said.words, w, "word")
+    if said.action is not None:
+        act, is_act = w["action.weight"][np.maximum(said.action, 0)], (said.action >= 0)[:, None]
+        sentence, words = np.where(is_act, act, sentence), np.where(is_act[:, None], act[:, None], words)
+    sentence = np.where(said.keep[:, None], sentence, w["no_sentence"])
+    words = np.where(said.keep[:, None, None], words, w["no_words"])
     level = waves(np.full(1, t * 1000.0), width)
-    first = linear(silu(linear(level, w, "level.0")), w, "level.2") + said
+    first = linear(silu(linear(level, w, "level.0")), w, "level.2") + sentence
     real = np.any(frames.reshape(batch, -1, patch), axis=2)
     if "to_end.weight" in w:
         left = np.maximum(real.sum(1, keepdims=True) - np.arange(tokens.shape[1]), 0)
@@ -50,7 +40,7 @@ def denoise(
         stream = stream + _attend(w, at + "self_attention", y, y, mask, heads)
         if at + "cross_attention.query.weight" in w:
             y = layer_norm(stream, w, at + "norms.1")
-            stream = stream + _attend(w, at + "cross_attention", y, heard, word_mask, heads)
+            stream = stream + _attend(w, at + "cross_attention", y, words, said.word_mask, heads)
         y = gelu(linear(layer_norm(stream, w, at + "norms.2"), w, at + "feed_forward.0"))
         stream = stream + linear(y, w, at + "feed_forward.3")
         block += 1

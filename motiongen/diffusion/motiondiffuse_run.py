@@ -7,29 +7,19 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from motiongen.diffusion.said import Said
 from motiongen.diffusion.schedule import LEVELS, LINEAR
 from motiongen.nn import Floats, Tensors, attention, gelu, layer_norm, linear, silu, waves
 
 
-def denoise(
-    w: Tensors,
-    sizes: Mapping[str, int],
-    x: Floats,
-    t: float,
-    frames: NDArray[np.bool_],
-    words: Floats,
-    word_mask: NDArray[np.bool_],
-    sentence: Floats,
-    keep: NDArray[np.bool_],
-    action: NDArray[np.int_] | None = None,
-) -> Floats:
+def denoise(w: Tensors, sizes: Mapping[str, int], x: Floats, t: float, frames: NDArray[np.bool_], said: Said) -> Floats:
     """Estimate of ε (B, T, features); the arguments are those of `MotionDiffuse.forward`, with one `t` for the batch.
 
     `sizes`: the config's `patch` and `heads`.
     """
     patch, heads = sizes["patch"], sizes["heads"]
     batch, length, features = x.shape
-    text, text_mask = _text(w, words, word_mask, sentence, keep, action, heads)
+    text, text_mask = _text(w, said, heads)
     stream = linear(x.reshape(batch, -1, patch * features), w, "read")
     level = silu(linear(waves(np.full(1, t * 1000.0), stream.shape[-1]), w, "level.0"))
     e = linear(text[:, 0], w, "text") + linear(level, w, "level.2")
@@ -69,21 +59,14 @@ def _softmax(x: Floats, axis: int) -> Floats:
     return x / x.sum(axis, keepdims=True)
 
 
-def _text(
-    w: Tensors,
-    words: Floats,
-    word_mask: NDArray[np.bool_],
-    sentence: Floats,
-    keep: NDArray[np.bool_],
-    action: NDArray[np.int_] | None,
-    heads: int,
-) -> tuple[Floats, NDArray[np.bool_]]:
+def _text(w: Tensors, said: Said, heads: int) -> tuple[Floats, NDArray[np.bool_]]:
     """Text features (B, 1 + N, text_width), the sentence's first, and which of them count."""
-    text = np.concatenate([linear(sentence, w, "sentence")[:, None], linear(words, w, "word")], axis=1)
-    if action is not None:
-        text = np.where((action >= 0)[:, None, None], w["action.weight"][np.maximum(action, 0)][:, None], text)
-    text = np.where(keep[:, None, None], text, w["no_text"])
-    mask = np.concatenate([np.ones_like(word_mask[:, :1]), word_mask], axis=1)
+    text = np.concatenate([linear(said.sentence, w, "sentence")[:, None], linear(said.words, w, "word")], axis=1)
+    if said.action is not None:
+        is_act = (said.action >= 0)[:, None, None]
+        text = np.where(is_act, w["action.weight"][np.maximum(said.action, 0)][:, None], text)
+    text = np.where(said.keep[:, None, None], text, w["no_text"])
+    mask = np.concatenate([np.ones_like(said.word_mask[:, :1]), said.word_mask], axis=1)
     block = 0
     while (at := f"text_blocks.{block}.") + "norms.0.weight" in w:
         y = layer_norm(text, w, at + "norms.0")
