@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import mujoco
 
+from retarget.menagerie import how_to_get
 from retarget.rig import Rig
 from retarget.table import RigError
 
 
 def load_spec(rig: Rig) -> mujoco.MjSpec:
-    """Kinematics, geoms and masses of the rig: a free joint on the root, ranges of `rig.toml`; no floor, no motors.
+    """Kinematics, geoms and masses of the rig: a free joint on the root, ranges and sites of `rig.toml`; no floor, no
+    motors. A rig on a stand may have its base fixed to the world: it gets the free joint here.
 
-    Raises RigError where the model cannot be read, its joints are not those of `rig.toml` in the same order, or a body
-    or site that the rig names is missing.
+    Raises RigError where the model is not there or cannot be read, its joints are not those of `rig.toml` in the same
+    order, or a body or site that the rig names is missing.
     """
-    try:
-        spec = mujoco.MjSpec.from_file(str(rig.model))
-    except ValueError as problem:
-        raise RigError(f"{rig.model}: {' '.join(str(problem).split())}") from None
-    root = spec.body(rig.root)
-    if root is None or [j.type for j in root.joints] != [mujoco.mjtJoint.mjJNT_FREE]:
-        raise RigError(f"{rig.model}: body {rig.root!r}, the rig's root, should be there and have just a free joint")
+    spec = read_spec(rig.model)
+    bare(spec)
+    _free_root(spec, rig)
     hinges = {j.name: j for j in spec.joints if j.type != mujoco.mjtJoint.mjJNT_FREE}
     if tuple(hinges) != rig.joint_names():
         raise RigError(
@@ -32,11 +31,43 @@ def load_spec(rig: Rig) -> mujoco.MjSpec:
     for joint in rig.joints:
         hinges[joint.name].range = [joint.lower * unit, joint.upper * unit]
         hinges[joint.name].limited = True
-    bodies, sites = {b.name for b in spec.bodies}, {s.name for s in spec.sites}
+    bodies = {b.name for b in spec.bodies}
+    for site in rig.sites:
+        _known([site.body], bodies, "site: body", rig)
+        spec.body(site.body).add_site(name=site.name, pos=site.pos)
+    sites = {s.name for s in spec.sites}
     _known([f.body for f in rig.follow], bodies | sites, "follow: body or site", rig)
     _known([f.body for f in rig.feet], bodies, "foot: body", rig)
     _known([s for f in rig.feet for s in f.sites], sites, "foot: site", rig)
     return spec
+
+
+def read_spec(path: Path) -> mujoco.MjSpec:
+    """The MJCF or URDF at `path` as it is. Raises RigError in one line where it is not there or does not load."""
+    if not path.is_file():
+        raise RigError(f"{path}: no such model" if path.is_absolute() else how_to_get(str(path)))
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as problem:
+        raise RigError(f"{path}: {' '.join(str(problem).split())}") from None
+
+
+def bare(spec: mujoco.MjSpec) -> None:
+    """Take away the motors, sensors, poses and lights that a vendor's model brings: a rig and its scenes bring theirs."""
+    for part in (*spec.actuators, *spec.sensors, *spec.keys, *spec.lights):
+        spec.delete(part)
+
+
+def _free_root(spec: mujoco.MjSpec, rig: Rig) -> None:
+    root = spec.body(rig.root)
+    kinds = None if root is None else [j.type for j in root.joints]
+    if root is not None and kinds == [] and rig.mount == "stand" and root.parent.name == "world":
+        root.add_freejoint()
+    elif kinds != [mujoco.mjtJoint.mjJNT_FREE]:
+        fixed = "" if rig.mount != "stand" else ", or none and be fixed to the world"
+        raise RigError(
+            f"{rig.model}: body {rig.root!r}, the rig's root, should be there and have just a free joint{fixed}"
+        )
 
 
 def load_model(rig: Rig) -> mujoco.MjModel:

@@ -6,12 +6,13 @@ import hashlib
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Literal
 
 from motiongen.motion import SMPL_JOINTS
+from retarget.menagerie import menagerie_file
 from retarget.table import RigError, Table, known, read_toml, unique
 
 Mount = Literal["free", "stand", "hung"]
@@ -91,6 +92,15 @@ class Follow:
 
 
 @dataclass(frozen=True)
+class Site:
+    """A point that the rig adds to a model that is not ours: `pos` in metres in the frame of `body`."""
+
+    name: str
+    body: str
+    pos: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class Foot:
     """A foot: `body`, and the heel and toe sites on its sole; `human` is the ankle it stands for."""
 
@@ -130,7 +140,7 @@ class Rig:
     """A robot as data; see `docs/rigs.md` for the file.
 
     `joints` are in MuJoCo's qpos order and so are all joint vectors of this project. `stand_clearance` in metres: how
-    high the soles hang above the floor on the stand.
+    high the soles hang above the floor on the stand. `model` is relative where it was looked for and is not here.
     """
 
     name: str
@@ -148,6 +158,7 @@ class Rig:
     power: Power | None
     buses: tuple[Bus, ...]
     servos: tuple[Servo, ...]
+    sites: tuple[Site, ...] = ()
 
     def joint_names(self) -> tuple[str, ...]:
         """Names in qpos order."""
@@ -169,15 +180,16 @@ def list_rigs() -> tuple[str, ...]:
     return tuple(sorted({path.parent.name for folder in _rig_folders() for path in folder.glob("*/rig.toml")}))
 
 
-def load_rig(name_or_path: str | Path) -> Rig:
+def load_rig(name_or_path: str | Path, model: Path | None = None) -> Rig:
     """Read a rig by its name, or by the path of its folder or of its `rig.toml`; see `docs/rigs.md` for the keys.
 
-    The folders of RIGCAST_RIGS come before the built-in one. Raises RigError in one line: no such rig, or what in the
+    `model` is an MJCF to use instead of the one that the file names. The folders of RIGCAST_RIGS come before the built-in one. Raises RigError in one line: no such rig, or what in the
     file is wrong and what would be right.
     """
     file = _find(name_or_path)
     try:
-        return read_toml(file).all(partial(_rig, file.parent))
+        rig = read_toml(file).all(partial(_rig, file.parent))
+        return rig if model is None else replace(rig, model=model.resolve())
     except RigError as problem:
         text = str(problem)
         raise RigError(text if text.startswith(str(file)) else f"{file}: {text}") from None
@@ -241,7 +253,7 @@ def _rig(folder: Path, t: Table) -> Rig:
     return Rig(
         name=folder.name,
         folder=folder,
-        model=folder / t.text("model", "model.xml"),
+        model=_model(folder, t),
         root=root,
         mount=t.choice("mount", MOUNTS),
         stand_clearance=t.number("stand_clearance", 0.05),
@@ -254,7 +266,13 @@ def _rig(folder: Path, t: Table) -> Rig:
         power=t.table("power", lambda p: Power(p.number("voltage"), p.number("current")), None),
         buses=buses,
         servos=servos,
+        sites=t.tables("site", lambda s: Site(s.text("name"), s.text("body"), s.point("pos"))),
     )
+
+
+def _model(folder: Path, t: Table) -> Path:
+    theirs = t.text("menagerie", "")
+    return menagerie_file(theirs) if theirs else folder / t.text("model", "model.xml")
 
 
 def _joint(name: str, t: Table, torque: float, no_load_speed: float) -> Joint:

@@ -67,6 +67,13 @@ class Table:
         )
         return float(pair[0]), float(pair[1])
 
+    def point(self, key: str) -> tuple[float, float, float]:
+        """Three finite numbers."""
+        good = self._read(
+            key, REQUIRED, lambda v: isinstance(v, list) and len(v) == 3 and all(map(_number, v)), "three numbers"
+        )
+        return float(good[0]), float(good[1]), float(good[2])
+
     def numbers(self, key: str) -> dict[str, float]:
         """A table of finite numbers by name; empty where the key is missing."""
         good = self._read(
