@@ -22,6 +22,7 @@ def load_spec(rig: Rig) -> mujoco.MjSpec:
     spec = read_spec(rig.model)
     bare(spec)
     _free_root(spec, rig)
+    _forgive_neighbours(spec, rig)
     hinges = {j.name: j for j in spec.joints if j.type != mujoco.mjtJoint.mjJNT_FREE}
     if tuple(hinges) != rig.joint_names():
         raise RigError(
@@ -56,6 +57,14 @@ def bare(spec: mujoco.MjSpec) -> None:
     """Take away the motors, sensors, poses and lights that a vendor's model brings: a rig and its scenes bring theirs."""
     for part in (*spec.actuators, *spec.sensors, *spec.keys, *spec.lights):
         spec.delete(part)
+
+
+def _forgive_neighbours(spec: mujoco.MjSpec, rig: Rig) -> None:
+    """MuJoCo lets a body overlap its parent, but not a parent that is fixed to the world, as the root is on a stand."""
+    have = {frozenset((e.bodyname1, e.bodyname2)) for e in spec.excludes}
+    for child in spec.body(rig.root).bodies:
+        if child.name and frozenset((rig.root, child.name)) not in have:
+            spec.add_exclude(bodyname1=rig.root, bodyname2=child.name)
 
 
 def _free_root(spec: mujoco.MjSpec, rig: Rig) -> None:

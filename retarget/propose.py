@@ -94,7 +94,9 @@ def propose(
         out += [f"pos = [{', '.join(f'{x:.4f}' for x in local + 0.0)}]", ""]
     for each in follows:
         out += ["[[follow]]", f'body = "{each.body}"', f'human = "{each.human}"']
-        out += [f"{key} = {value:g}" for key, value in (("position", each.position), ("rotation", each.rotation)) if value]
+        out += [
+            f"{key} = {value:g}" for key, value in (("position", each.position), ("rotation", each.rotation)) if value
+        ]
         out += [""]
     for human, body in feet:
         side = human.partition("_")[0]

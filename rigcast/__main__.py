@@ -25,6 +25,8 @@ VERBS = {
     "eval": ("rigcast.evaluate:evaluate", "measure generators, real clips or motion files; a report"),
     "eval compare": ("rigcast.evaluate:compare", "two evaluations, prompt by prompt, with significance"),
     "rigs": ("rigcast.listing:rigs", "the rigs that are there"),
+    "rigs new": ("rigcast.rigs:new", "propose a rig.toml for a robot's model"),
+    "rigs check": ("rigcast.rigs:check", "what a rig can do, gesture by gesture"),
     "generators": ("rigcast.listing:generators", "the generators that are there"),
 }
 GROUPS = {verb.partition(" ")[0] for verb in VERBS if " " in verb} - VERBS.keys()

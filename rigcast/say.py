@@ -11,6 +11,7 @@ from motiongen.candidates import DEFAULT_CANDIDATES, choose
 from motiongen.generator import Generator, PromptError, check_prompt, check_seconds, load_generator, require_control
 from motiongen.motion import Motion
 from retarget.rig import Mount, load_rig
+from retarget.shown import cannot_show
 from rigcast import show
 from rigcast.delivery import Delivery, deliver, require
 from rigcast.times import Times
@@ -26,6 +27,7 @@ def say(
     action: Annotated[str | None, arg(metavar="NAME")] = None,
     unconditioned: bool = False,
     rig: str = "puppet",
+    model: Path | None = None,
     mount: Mount | None = None,
     seconds: float | None = None,
     seed: int = 0,
@@ -43,6 +45,7 @@ def say(
         action: Instead of a text, an action of the training data, such as wave.
         unconditioned: Instead of a text, nothing: any motion at all.
         rig: Name of a rig (see `rigcast rigs`) or path of its folder.
+        model: The rig's MJCF, where it is not where the rig looks for it.
         mount: How the base is held; by default as the rig says.
         seconds: Length; by default what the generator finds natural.
         seed: The same seed gives the same motion.
@@ -54,18 +57,20 @@ def say(
     times = Times()
     texts = _texts(text, timeline, action, unconditioned, seconds)
     require(delivery, has_motion=True)
-    body = load_rig(rig)
+    body = load_rig(rig, model)
     with times.stage("load generator"):
-        model = load_generator(generator)
+        drawing = load_generator(generator)
     said: dict[str, Any] = {"text": text}
-    far = [each for each in texts if _is_far(model, each, generator, said)]
+    far = [each for each in texts if _is_far(drawing, each, generator, said)]
     if far and strict:
         return 1
     with times.stage("generate"):
         if text is not None:
-            motion = _chosen(model, texts[0], candidates, seconds, seed, guidance, said)
+            motion = _chosen(drawing, texts[0], candidates, seconds, seed, guidance, said)
         else:
-            motion = _controlled(model, generator, timeline, action, seconds, seed, guidance)
+            motion = _controlled(drawing, generator, timeline, action, seconds, seed, guidance)
+    for note in cannot_show(motion, body):
+        show.warn(note)
     from rigcast.pipeline import take
 
     return deliver(take(motion, body, mount, times), delivery, times, said)

@@ -1,0 +1,93 @@
+"""A model that somebody has, MJCF or URDF, made into the folder of a rig."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import mujoco
+
+from motiongen.files import replacing
+from retarget.anatomy import read_skeleton
+from retarget.gmr import read_gmr
+from retarget.model import read_spec
+from retarget.propose import Drive, propose
+from retarget.table import RigError
+
+
+def adopt(model: Path, folder: Path, *, gmr: Path | None = None, limit: float | None = None) -> tuple[str, ...]:
+    """Write `folder`/rig.toml for `model` (for a URDF also model.xml) and give back what was guessed, a line each.
+
+    Raises RigError where the model does not load, has no free joint, joints without limits and no `limit` (rad), or
+    there is a rig already; OSError where the folder cannot be written.
+    """
+    target = folder / "rig.toml"
+    if target.exists():
+        raise RigError(f"{target}: is there already; name another folder with --out")
+    if limit is not None and limit <= 0:
+        raise RigError(f"--limit {limit:g} should be above 0 rad")
+    urdf = model.suffix.lower() == ".urdf"
+    drives: dict[str, Drive] = {}
+    if urdf:
+        spec, drives = _from_urdf(model)
+    else:
+        spec = read_spec(model)
+    try:
+        body = spec.compile()
+    except ValueError as problem:
+        raise RigError(f"{model}: {' '.join(str(problem).split())}") from None
+    try:
+        skeleton = read_skeleton(body)
+        notes: tuple[str, ...] = ()
+        follow = ()
+        if gmr is not None:
+            bodies = {body.body(b).name for b in range(body.nbody)}
+            follow, notes = read_gmr(gmr, body.body(skeleton.root).name, bodies)
+        where = 'model = "model.xml"' if urdf else f"model = '{model.resolve()}'"
+        proposal = propose(body, where, drives=drives, limit=limit, follow=follow, notes=notes)
+    except RigError as problem:
+        raise RigError(f"{model}: {problem}") from None
+    folder.mkdir(parents=True, exist_ok=True)
+    if urdf:
+        (folder / "model.xml").write_text(spec.to_xml())
+    with replacing(target) as unfinished:
+        unfinished.write_text(proposal.toml)
+    return proposal.guesses
+
+
+def _from_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, Drive]]:
+    """The URDF with its base floating, and what it says of its joints; MuJoCo would weld the base to the world."""
+    if not path.is_file():
+        raise RigError(f"{path}: no such model")
+    try:
+        robot = ET.fromstring(path.read_bytes())
+    except ET.ParseError as problem:
+        raise RigError(f"{path}: {problem}") from None
+    links = [link.get("name", "") for link in robot.iter("link")]
+    children = {child.get("link") for child in robot.iter("child")}
+    bases = [name for name in links if name not in children]
+    if len(bases) != 1:
+        raise RigError(f"{path}: {len(bases)} links without a parent; a robot has one")
+    robot.append(ET.Element("link", name="floor_under_the_robot"))
+    joint = ET.SubElement(robot, "joint", name="free", type="floating")
+    ET.SubElement(joint, "parent", link="floor_under_the_robot")
+    ET.SubElement(joint, "child", link=bases[0])
+    extension = robot.find("mujoco")
+    extension = ET.SubElement(robot, "mujoco") if extension is None else extension
+    compiler = extension.find("compiler")
+    compiler = ET.SubElement(extension, "compiler") if compiler is None else compiler
+    compiler.attrib |= {"fusestatic": "false", "discardvisual": "false", "balanceinertia": "true"}
+    compiler.attrib.setdefault("meshdir", str(path.resolve().parent))
+    try:
+        spec = mujoco.MjSpec.from_string(ET.tostring(robot, encoding="unicode"))
+    except ValueError as problem:
+        raise RigError(f"{path}: {' '.join(str(problem).split())}") from None
+    return spec, {j.get("name", ""): _drive(j) for j in robot.findall("joint")}
+
+
+def _drive(joint: ET.Element) -> Drive:
+    limit = joint.find("limit")
+    if limit is None:
+        return Drive()
+    torque, speed = (float(limit.get(key, "0")) or None for key in ("effort", "velocity"))
+    return Drive(None, torque, speed)

@@ -1,0 +1,79 @@
+"""`rigcast rigs new` and `rigcast rigs check`: a robot's model made a rig, and what a rig can do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from retarget.rig import load_rig
+from retarget.shown import cannot_show
+from rigcast import show
+
+RANGE_OF_MOTION = (
+    "t-pose", "raise-arm", "arms-forward", "wave", "clap", "hands-on-hips", "nod", "look-around", "bow", "twist",
+    "squat", "march", "kick", "step-forward", "sidestep", "turn",
+)  # fmt: skip
+
+
+def new(
+    model: Positional[Path],
+    /,
+    *,
+    out: Path | None = None,
+    gmr: Path | None = None,
+    limit: float | None = None,
+    picture: bool = True,
+) -> int:
+    """Propose a rig.toml for MODEL (.xml or .urdf), say what was guessed, and draw it beside a human in a T-pose.
+
+    Args:
+        out: Folder of the new rig; by default one beside where you are, named as the model.
+        gmr: An ik_config of GMR that says which body follows which human joint.
+        limit: Limit in rad, to both sides, for joints without one.
+        picture: Draw t_pose.png into the folder.
+    """
+    from retarget.adopt import adopt
+
+    folder = Path(model.stem) if out is None else out
+    guesses = adopt(model, folder, gmr=gmr, limit=limit)
+    for guess in guesses:
+        print(f"guessed: {guess}")
+    print(f"wrote {folder / 'rig.toml'}")
+    if picture:
+        from sim.side_by_side import render_t_pose
+
+        render_t_pose(load_rig(folder.resolve()), folder / "t_pose.png")
+        print(f"wrote {folder / 't_pose.png'}")
+    return 0
+
+
+def check(name: Positional[str], /, *, model: Path | None = None, json: bool = False) -> int:
+    """Put a rig through a range of motion; exit 0 where physics passes all of it, 1 where it does not.
+
+    Args:
+        name: Name of a rig (see `rigcast rigs`) or path of its folder.
+        model: The rig's MJCF, where it is not where the rig looks for it.
+        json: Print one JSON document instead of a table.
+    """
+    from motiongen.gestures.catalogue import perform
+    from retarget.retarget import retarget
+    from sim.checks import check as judged
+
+    rig = load_rig(name, model)
+    rows = []
+    for gesture in RANGE_OF_MOTION:
+        motion = perform(gesture)
+        report = judged(retarget(motion, rig), rig)
+        failed = [c.name for c in report.checks if not c.ok]
+        hidden = [note.split(" has ")[1].split(":")[0] for note in cannot_show(motion, rig)]
+        rows.append({"gesture": gesture, "ok": report.ok, "failed": ", ".join(failed), "not shown": ", ".join(hidden)})
+    if json:
+        show.print_json({"rig": rig.name, "gestures": rows})
+    else:
+        table = show.new_table("gesture", "", "failed", "not shown", title=f"{rig.name}: range of motion")
+        for row in rows:
+            verdict = "[green]pass[/]" if row["ok"] else "[red]fail[/]"
+            table.add_row(str(row["gesture"]), verdict, str(row["failed"]), str(row["not shown"]))
+        show.console().print(table)
+    return 0 if all(row["ok"] for row in rows) else 1
