@@ -63,15 +63,6 @@ def _from_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, Drive]]:
         robot = ET.fromstring(path.read_bytes())
     except ET.ParseError as problem:
         raise RigError(f"{path}: {problem}") from None
-    links = [link.get("name", "") for link in robot.iter("link")]
-    children = {child.get("link") for child in robot.iter("child")}
-    bases = [name for name in links if name not in children]
-    if len(bases) != 1:
-        raise RigError(f"{path}: {len(bases)} links without a parent; a robot has one")
-    robot.append(ET.Element("link", name="floor_under_the_robot"))
-    joint = ET.SubElement(robot, "joint", name="free", type="floating")
-    ET.SubElement(joint, "parent", link="floor_under_the_robot")
-    ET.SubElement(joint, "child", link=bases[0])
     extension = robot.find("mujoco")
     extension = ET.SubElement(robot, "mujoco") if extension is None else extension
     compiler = extension.find("compiler")
@@ -82,6 +73,10 @@ def _from_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, Drive]]:
         spec = mujoco.MjSpec.from_string(ET.tostring(robot, encoding="unicode"))
     except ValueError as problem:
         raise RigError(f"{path}: {' '.join(str(problem).split())}") from None
+    base = spec.worldbody.first_body()
+    if base is None or base.joints:
+        raise RigError(f"{path}: its base should be one link without a joint above it")
+    base.add_freejoint()
     return spec, {j.get("name", ""): _drive(j) for j in robot.findall("joint")}
 
 

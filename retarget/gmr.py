@@ -26,9 +26,7 @@ def read_gmr(path: Path, root: str, bodies: set[str]) -> tuple[tuple[Follow, ...
         table = next(t for t in tables if t)
         rows = [(body, str(row[0]), float(row[1]), float(row[2])) for body, row in table.items()]
     except (ValueError, TypeError, LookupError, AttributeError, StopIteration, UnicodeDecodeError):
-        raise RigError(
-            f"{path}: not an ik_config of GMR, which has a table ik_match_table1 or ik_match_table2"
-        ) from None
+        raise RigError(f"{path}: not an ik_config of GMR: it has no ik_match_table1 or 2 to read") from None
     most = max((position for _, _, position, _ in rows), default=0.0) or FIRMEST
     leads = {joint for limb in LIMBS for joint in limb[1:]}
     follows, notes = {"pelvis": Follow(root, "pelvis", 1.0, 1.0)}, []

@@ -12,7 +12,7 @@ INSIDE = Path("mujoco/playground/assets/mujoco_menagerie")
 
 
 def menagerie_file(name: str) -> Path:
-    """The file `name`, such as `unitree_g1/g1.xml`: of MENAGERIE_ROOT, else packaged; `name` itself where neither has it.
+    """The file `name`, such as `unitree_g1/g1.xml`, of MENAGERIE_ROOT, else packaged; else `name` itself.
 
     So a rig can be read, listed and driven without its model; what needs the model says where it was looked for.
     """
@@ -25,8 +25,8 @@ def menagerie_file(name: str) -> Path:
 def how_to_get(name: str) -> str:
     """What to do where `menagerie_file` found nothing, in one line."""
     return (
-        f"model {name} of MuJoCo Menagerie is not here: set {MENAGERIE_ROOT} to its folder, name the file with --model, "
-        'or pip install "rigcast[robots]"'
+        f"model {name} of MuJoCo Menagerie is not here: set {MENAGERIE_ROOT} to its folder, give the file by "
+        '--model, or pip install "rigcast[robots]"'
     )
 
 

@@ -54,7 +54,7 @@ def read_spec(path: Path) -> mujoco.MjSpec:
 
 
 def bare(spec: mujoco.MjSpec) -> None:
-    """Take away the motors, sensors, poses and lights that a vendor's model brings: a rig and its scenes bring theirs."""
+    """Take away the motors, sensors, poses and lights of a vendor's model: a rig and its scenes bring theirs."""
     for part in (*spec.actuators, *spec.sensors, *spec.keys, *spec.lights):
         spec.delete(part)
 
