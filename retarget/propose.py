@@ -94,9 +94,8 @@ def propose(
         out += [f"pos = [{', '.join(f'{x:.4f}' for x in local + 0.0)}]", ""]
     for each in follows:
         out += ["[[follow]]", f'body = "{each.body}"', f'human = "{each.human}"']
-        out += [
-            f"{key} = {value:g}" for key, value in (("position", each.position), ("rotation", each.rotation)) if value
-        ]
+        weights = {"position": each.position, "rotation": each.rotation}
+        out += [f"{key} = {value:g}" for key, value in weights.items() if value]
         out += [""]
     for human, body in feet:
         side = human.partition("_")[0]

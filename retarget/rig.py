@@ -183,8 +183,8 @@ def list_rigs() -> tuple[str, ...]:
 def load_rig(name_or_path: str | Path, model: Path | None = None) -> Rig:
     """Read a rig by its name, or by the path of its folder or of its `rig.toml`; see `docs/rigs.md` for the keys.
 
-    `model` is an MJCF to use instead of the one that the file names. The folders of RIGCAST_RIGS come before the built-in one. Raises RigError in one line: no such rig, or what in the
-    file is wrong and what would be right.
+    `model` is an MJCF to use instead of the one that the file names. The folders of RIGCAST_RIGS come before the
+    built-in one. Raises RigError in one line: no such rig, or what in the file is wrong and what would be right.
     """
     file = _find(name_or_path)
     try:
