@@ -176,7 +176,7 @@ def test_a_wrong_file_is_one_line_with_the_bad_value_and_the_good_ones(
 
 
 def test_a_rig_that_is_not_there_names_those_that_are() -> None:
-    with pytest.raises(RigError, match="no rig 'pupet'; known are .*humanoid, puppet"):
+    with pytest.raises(RigError, match=r"no rig 'pupet'; known are .*humanoid, puppet"):
         load_rig("pupet")
     with pytest.raises(RigError, match="no rig"):
         load_rig("/nowhere/at/all")
