@@ -12,6 +12,7 @@ from retarget.anatomy import read_skeleton
 from retarget.gmr import read_gmr
 from retarget.model import read_spec
 from retarget.propose import Drive, propose
+from retarget.rig import Follow
 from retarget.table import RigError
 
 
@@ -39,7 +40,7 @@ def adopt(model: Path, folder: Path, *, gmr: Path | None = None, limit: float | 
     try:
         skeleton = read_skeleton(body)
         notes: tuple[str, ...] = ()
-        follow = ()
+        follow: tuple[Follow, ...] = ()
         if gmr is not None:
             bodies = {body.body(b).name for b in range(body.nbody)}
             follow, notes = read_gmr(gmr, body.body(skeleton.root).name, bodies)
