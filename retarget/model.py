@@ -13,8 +13,8 @@ from retarget.table import RigError
 
 
 def load_spec(rig: Rig) -> mujoco.MjSpec:
-    """Kinematics, geoms and masses of the rig: a free joint on the root, ranges and sites of `rig.toml`; no floor, no
-    motors. A rig on a stand may have its base fixed to the world: it gets the free joint here.
+    """Kinematics, geoms and masses of the rig: a free joint on the root, ranges, damping and sites of `rig.toml`; no
+    floor, no motors. A rig on a stand may have its base fixed to the world: it gets the free joint here.
 
     Raises RigError where the model is not there or cannot be read, its joints are not those of `rig.toml` in the same
     order, or a body or site that the rig names is missing.
@@ -32,6 +32,8 @@ def load_spec(rig: Rig) -> mujoco.MjSpec:
     for joint in rig.joints:
         hinges[joint.name].range = [joint.lower * unit, joint.upper * unit]
         hinges[joint.name].limited = True
+        if rig.damping is not None:
+            hinges[joint.name].damping = [rig.damping, 0, 0]  # the linear part; MuJoCo has powers of the speed too
     bodies = {b.name for b in spec.bodies}
     for site in rig.sites:
         _known([site.body], bodies, "site: body", rig)

@@ -67,7 +67,13 @@ def propose(
     guesses = list(notes)
     joints = _joints(skeleton, dict(drives or {}), limit, guesses)
     sites, found = _limbs(skeleton, guesses)
-    follows = list(follow) if follow else found
+    follows = list(follow) or found
+    if follow:  # a file made for another model of the robot may name soles that this one does not have
+        has = {f.human for f in follow}
+        feet_found = [f for f in found if f.human.endswith("ankle") and f.human not in has]
+        guesses += [f"{f.human} by geometry: {f.body}" for f in feet_found]
+        follows += feet_found
+    sites = [site for site in sites if site[0] in {f.body for f in follows}]
     ends = {f.human: f.body for f in follows}
     feet = [(human, ends[human]) for human in ("left_ankle", "right_ankle") if human in ends]
     for human, body in feet:

@@ -141,6 +141,7 @@ class Rig:
 
     `joints` are in MuJoCo's qpos order and so are all joint vectors of this project. `stand_clearance` in metres: how
     high the soles hang above the floor on the stand. `model` is relative where it was looked for and is not here.
+    `damping` in N·m·s/rad goes before the model's, where that is a controller's and not the bearings'.
     """
 
     name: str
@@ -159,6 +160,7 @@ class Rig:
     buses: tuple[Bus, ...]
     servos: tuple[Servo, ...]
     sites: tuple[Site, ...] = ()
+    damping: float | None = None
 
     def joint_names(self) -> tuple[str, ...]:
         """Names in qpos order."""
@@ -266,6 +268,7 @@ def _rig(folder: Path, t: Table) -> Rig:
         power=t.table("power", lambda p: Power(p.number("voltage"), p.number("current")), None),
         buses=buses,
         servos=servos,
+        damping=t.number("damping") if "damping" in t.data else None,
         sites=t.tables("site", lambda s: Site(s.text("name"), s.text("body"), s.point("pos"))),
     )
 

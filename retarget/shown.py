@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from motiongen.motion import Motion
+from motiongen.rotation import quat_mul
 from retarget.rig import Rig
 
 PARTS = {
@@ -39,11 +40,12 @@ def cannot_show(what: object, rig: Rig) -> tuple[str, ...]:
 
 
 def _turns(motion: Motion, part: str) -> float:
-    """Largest angle (rad) between any frame and the first, over the joints of `part` and of those above in its limb."""
+    """Largest angle (rad) between any frame and the first of what carries `part`, such as hip and knee."""
+    local = {name: motion.joint_quat[:, motion.skeleton.index(name)] for name in motion.skeleton.names}
     limb = {"arm": ("shoulder", "elbow"), "leg": ("hip", "knee")}
     word = part.removesuffix("s").split()[-1]
     sides = [side for side in ("left", "right") if part.endswith("s") or part.startswith(side)]
-    names = [f"{side}_{joint}" for side in sides for joint in limb.get(word, ())] or ["neck", "head"]
-    quat = motion.joint_quat[:, [motion.skeleton.index(name) for name in names]]
+    turning = [local[f"{side}_{joint}"] for side in sides for joint in limb.get(word, ())]
+    quat = np.stack(turning or [quat_mul(local["neck"], local["head"])], axis=1)  # a nod is shared by neck and head
     dot = np.abs(np.sum(quat * quat[:1], axis=-1))
     return float(2 * np.arccos(np.clip(dot, 0, 1)).max())

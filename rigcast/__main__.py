@@ -27,6 +27,7 @@ VERBS = {
     "rigs": ("rigcast.listing:rigs", "the rigs that are there"),
     "rigs new": ("rigcast.rigs:new", "propose a rig.toml for a robot's model"),
     "rigs check": ("rigcast.rigs:check", "what a rig can do, gesture by gesture"),
+    "rigs draw": ("rigcast.rigs:draw", "rigs beside each other, all doing the same gesture"),
     "generators": ("rigcast.listing:generators", "the generators that are there"),
 }
 GROUPS = {verb.partition(" ")[0] for verb in VERBS if " " in verb} - VERBS.keys()

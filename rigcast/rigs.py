@@ -1,4 +1,4 @@
-"""`rigcast rigs new` and `rigcast rigs check`: a robot's model made a rig, and what a rig can do."""
+"""`rigcast rigs new`, `check` and `draw`: a robot's model made a rig, what a rig can do, and how rigs look doing it."""
 
 from __future__ import annotations
 
@@ -41,9 +41,11 @@ def new(
         print(f"guessed: {guess}")
     print(f"wrote {folder / 'rig.toml'}")
     if picture:
-        from sim.side_by_side import render_t_pose
+        from motiongen.gestures.catalogue import perform
+        from sim.side_by_side import render_side_by_side
 
-        render_t_pose(load_rig(folder.resolve()), folder / "t_pose.png")
+        pair = (load_rig(folder.resolve()), load_rig("humanoid"))
+        render_side_by_side(pair, perform("t-pose"), folder / "t_pose.png", size=(480, 480))
         print(f"wrote {folder / 't_pose.png'}")
     return 0
 
@@ -77,3 +79,20 @@ def check(name: Positional[str], /, *, model: Path | None = None, json: bool = F
             table.add_row(str(row["gesture"]), verdict, str(row["failed"]), str(row["not shown"]))
         show.console().print(table)
     return 0 if all(row["ok"] for row in rows) else 1
+
+
+def draw(names: Positional[tuple[str, ...]], /, *, out: Path, gesture: str = "wave", at: float = 0.5) -> int:
+    """Draw rigs beside each other, all doing the same gesture, into a .png.
+
+    Args:
+        names: Names of rigs (see `rigcast rigs`) or paths of their folders.
+        out: The picture.
+        gesture: What they do; see docs/gestures.md.
+        at: When to look: 0 is the start, 1 the end.
+    """
+    from motiongen.gestures.catalogue import perform
+    from sim.side_by_side import render_side_by_side
+
+    render_side_by_side([load_rig(name) for name in names], perform(gesture), out, at=at)
+    print(f"wrote {out}")
+    return 0
