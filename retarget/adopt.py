@@ -32,7 +32,7 @@ def adopt(model: Path, folder: Path, *, gmr: Path | None = None, limit: float | 
     if urdf:
         spec, drives = _from_urdf(model)
     else:
-        spec = read_spec(model)
+        spec = read_spec(model.resolve())
     try:
         body = spec.compile()
     except ValueError as problem:

@@ -37,6 +37,8 @@ def load_spec(rig: Rig) -> mujoco.MjSpec:
     bodies = {b.name for b in spec.bodies}
     for site in rig.sites:
         _known([site.body], bodies, "site: body", rig)
+        if (theirs := spec.site(site.name)) is not None:
+            spec.delete(theirs)
         spec.body(site.body).add_site(name=site.name, pos=site.pos)
     sites = {s.name for s in spec.sites}
     _known([f.body for f in rig.follow], bodies | sites, "follow: body or site", rig)

@@ -93,7 +93,7 @@ class Follow:
 
 @dataclass(frozen=True)
 class Site:
-    """A point that the rig adds to a model that is not ours: `pos` in metres in the frame of `body`."""
+    """A point that the rig adds to a model, or moves there: `pos` in metres in the frame of `body`."""
 
     name: str
     body: str

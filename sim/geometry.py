@@ -56,7 +56,7 @@ def measure(scene: Scene, qpos: Array) -> Geometry:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
         bodies[k], root_up[k] = data.xipos[moving], data.xmat[root].reshape(3, 3)[:, 2]
-        ends[k] = [_position(model, data, name) for name in hands]
+        ends[k] = np.reshape([_position(model, data, name) for name in hands], (-1, 3))  # a bust has none
         on_floor, depth, pairs = _contacts(model, data, floor)
         for name, (body, sites) in feet.items():
             soles[name][k] = data.site_xpos[sites]
