@@ -194,7 +194,7 @@ def test_a_head_of_fixed_base_plays_what_it_can(head: Path, capsys: pytest.Captu
     made = load_trajectory(out)
     assert np.ptp(made.joint_pos, axis=0)[1] > 0.3  # tilt nods
     assert np.ptp(made.joint_pos, axis=0)[0] < 0.05  # pan does not
-    assert np.ptp(made.root_pos, axis=0).max() == 0
+    assert np.ptp(made.root_pos, axis=0).max() < 1e-12
     assert main(["play", kick, "--rig", str(head), "--out", str(out)]) == 0
     said = capsys.readouterr().err
     assert "has no legs: " in said
