@@ -31,7 +31,21 @@ PACKAGES = sorted(
     for top in ("motiongen", "retarget", "sim", "drivers", "rigcast")
     for path in (ROOT / top).rglob("__init__.py")
 )
-VERBS = ("say", "play", "check", "view", "drive", "bus", "demo", "data", "evaluate", "listing", "train", "watching")
+VERBS = (
+    "say",
+    "play",
+    "check",
+    "view",
+    "drive",
+    "bus",
+    "demo",
+    "data",
+    "evaluate",
+    "listing",
+    "rigs",
+    "train",
+    "watching",
+)
 
 
 def modules(folder: str) -> list[str]:
