@@ -21,6 +21,7 @@ from retarget.anatomy import (
     read_skeleton,
     solid_geoms,
 )
+from retarget.goals import LIMBS
 from retarget.rig import Follow
 from retarget.table import RigError
 
@@ -66,13 +67,8 @@ def propose(
     skeleton = read_skeleton(model)
     guesses = list(notes)
     joints = _joints(skeleton, dict(drives or {}), limit, guesses)
-    sites, found = _limbs(skeleton, guesses)
-    follows = list(follow) or found
-    if follow:  # a file made for another model of the robot may name soles that this one does not have
-        has = {f.human for f in follow}
-        feet_found = [f for f in found if f.human.endswith("ankle") and f.human not in has]
-        guesses += [f"{f.human} by geometry: {f.body}" for f in feet_found]
-        follows += feet_found
+    sites, found = _limbs(skeleton, [] if follow else guesses)
+    follows = _completed(follow, found, guesses) if follow else found
     sites = [site for site in sites if site[0] in {f.body for f in follows}]
     ends = {f.human: f.body for f in follows}
     feet = [(human, ends[human]) for human in ("left_ankle", "right_ankle") if human in ends]
@@ -151,6 +147,18 @@ def _torque(model: mujoco.MjModel, joint: int) -> float | None:
 
 
 Sites = list[tuple[str, str, Array]]
+
+
+def _completed(given: tuple[Follow, ...], found: list[Follow], guesses: list[str]) -> list[Follow]:
+    """`given` with what only the tree can say: where limbs begin, and ankles that `given` has on no body of the model.
+
+    Files for another solver put the beginning of a limb on a body that turns with it, such as the upper arm's.
+    """
+    has = {f.human for f in given}
+    begin = {limb[0] for limb in LIMBS} & has
+    taken = [f for f in found if f.human in begin or (f.human.endswith("ankle") and f.human not in has)]
+    guesses += [f"{f.human} by geometry: {f.body}" for f in taken]
+    return [f for f in given if f.human not in {t.human for t in taken}] + taken
 
 
 def _limbs(s: Skeleton, guesses: list[str]) -> tuple[Sites, list[Follow]]:

@@ -163,6 +163,7 @@ def test_gmr_says_what_follows_what_and_soles_that_are_not_there_are_found(tmp_p
     assert [f.human for f in rig.feet] == ["left_ankle", "right_ankle"]
     assert any("left_toe_link" in g and "no such body" in g for g in guesses)
     assert any("left_ankle by geometry: left_foot" in g for g in guesses)
+    assert follow["left_hip"].body == "left_hip"  # the site where the leg begins, not the thigh that turns about it
     assert load_model(rig).nq == 7 + len(rig.joints)
 
 
