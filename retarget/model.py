@@ -88,8 +88,9 @@ def load_model(rig: Rig) -> mujoco.MjModel:
 
     Raises RigError as `load_spec` does, and where the model does not compile.
     """
+    spec = load_spec(rig)
     try:
-        return load_spec(rig).compile()
+        return spec.compile()
     except ValueError as problem:
         raise RigError(f"{rig.model}: {' '.join(str(problem).split())}") from None
 

@@ -61,7 +61,7 @@ def test_a_rig_without_its_model_is_read_and_says_how_to_get_it(monkeypatch: pyt
     monkeypatch.setattr("retarget.menagerie.PACKAGE", "no_such_package")
     rig = load_rig("unitree_g1")
     assert len(rig.joints) == 29
-    with pytest.raises(RigError, match=r"MENAGERIE_ROOT.*rigcast\[robots\]"):
+    with pytest.raises(RigError, match=r"^model unitree_g1/g1.xml of .*MENAGERIE_ROOT.*rigcast\[robots\]"):
         load_model(rig)
 
 
