@@ -1,0 +1,58 @@
+"""Normal equations of a trajectory: a block for every frame, and diagonal blocks between frames up to three apart.
+
+Stored as LAPACK's lower band, `band[d, j]` = A[j + d, j], so that solving costs the same for every frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motiongen.rotation import Array
+
+REACH = 3  # frames: a third difference spans four
+THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
+FIRST = np.array([-1.0, 1.0])
+
+
+class Equations:
+    """A x = right, A symmetric and positive definite, for x (T, n): what the methods add is a sum of squares."""
+
+    def __init__(self, frames: int, size: int) -> None:
+        self.frames, self.size = frames, size
+        self.band = np.zeros((REACH * size + 1, frames, size))
+        self.right = np.zeros((frames, size))
+
+    def blocks(self, blocks: Array) -> None:
+        """Add `blocks` (T, n, n), symmetric, each to its frame's own."""
+        for d in range(self.size):
+            self.band[d, :, : self.size - d] += np.diagonal(blocks, -d, 1, 2)
+
+    def diagonal(self, weight: Array, gradient: Array) -> None:
+        """Add ½ weight x² + gradient x, both (T, n)."""
+        self.band[0] += weight
+        self.right -= gradient
+
+    def differences(self, stencil: Array, weight: Array, value: Array) -> None:
+        """Add ½ weight (D x)² + weight value (D x), where D is `stencil` (k,) over neighbouring frames.
+
+        `weight` and `value` are (T − k + 1, n).
+        """
+        count = len(weight)
+        for i, a in enumerate(stencil):
+            self.right[i : i + count] -= a * weight * value
+            for j, b in enumerate(stencil[: i + 1]):
+                self.band[(i - j) * self.size, j : j + count] += a * b * weight
+
+    def solved(self, known: int, damping: float) -> Array:
+        """x (T, n), its first `known` frames held at zero and `damping` added to the diagonal.
+
+        Raises numpy.linalg.LinAlgError where the matrix is not positive definite.
+        """
+        from scipy.linalg import solveh_banded
+
+        skip = known * self.size  # leading columns of a lower band are leading unknowns
+        band = self.band.reshape(len(self.band), -1)[:, skip:].copy()
+        band[0] += damping
+        out = np.zeros(self.frames * self.size)
+        out[skip:] = solveh_banded(band, self.right.ravel()[skip:], overwrite_ab=True, lower=True, check_finite=False)
+        return out.reshape(self.frames, self.size)

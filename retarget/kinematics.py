@@ -1,0 +1,96 @@
+"""Forward kinematics and analytic Jacobians of a rig, for all frames of a trajectory at once.
+
+MuJoCo walks the tree frame by frame; from the joint axes and anchors that it leaves, every Jacobian column of every
+body is one cross product, taken here over whole arrays: axis × (point − anchor), and axis for the rotation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from motiongen.rotation import Array, quat_mul, quat_rotate, quat_to_matrix, rotvec_to_quat
+
+ROOT_DOFS = 6  # of the free joint: metres along the world's axes, then radians about the root's own
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A rig's model, and which degrees of freedom carry which body: `carries` (nbody, nv) of 0 and 1."""
+
+    model: mujoco.MjModel
+    carries: Array
+
+
+@dataclass(frozen=True)
+class Poses:
+    """World poses over T frames: `place` (T, nbody, 3) and `turn` (T, nbody, 4) of the bodies; `axis` and `anchor`
+    (T, nv, 3) of the degrees of freedom, of which the first three slide and the others turn.
+    """
+
+    place: Array
+    turn: Array
+    axis: Array
+    anchor: Array
+
+
+def tree_of(model: mujoco.MjModel) -> Tree:
+    """The tree of `model`, whose first joint is free and whose other joints are hinges (as `load_model` gives)."""
+    carries = np.zeros((model.nbody, model.nv))
+    for body in range(1, model.nbody):
+        first, count = model.body_dofadr[body], model.body_dofnum[body]
+        carries[body] = carries[model.body_parentid[body]]
+        carries[body, first : first + count] = 1.0
+    return Tree(model, carries)
+
+
+def poses(tree: Tree, qpos: Array) -> Poses:
+    """Poses of the configurations `qpos` (T, nq)."""
+    model, frames = tree.model, len(qpos)
+    data = mujoco.MjData(model)
+    place, turn = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 4))
+    axis, anchor = np.empty((frames, model.nv, 3)), np.empty((frames, model.nv, 3))
+    for frame, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        place[frame], turn[frame] = data.xpos, data.xquat
+        axis[frame, ROOT_DOFS:], anchor[frame, ROOT_DOFS:] = data.xaxis[1:], data.xanchor[1:]
+    root = model.jnt_bodyid[0]
+    axis[:, :3] = np.eye(3)
+    axis[:, 3:ROOT_DOFS] = quat_to_matrix(turn[:, root]).swapaxes(1, 2)
+    anchor[:, :ROOT_DOFS] = place[:, root, None]
+    return Poses(place, turn, axis, anchor)
+
+
+def point_jacobian(at: Poses, points: Array, carried: Array) -> Array:
+    """(T, nv, k, 3) velocities of `points` (T, k, 3), in the world, for a unit rate of each degree of freedom.
+
+    `carried` (k, nv) says which of them move a point: a row of `Tree.carries`, or the difference of two rows for the
+    velocity against a base.
+    """
+    out = np.empty((*at.axis.shape[:2], *points.shape[1:]))
+    x, y, z = np.moveaxis(at.axis[:, :, None], -1, 0)
+    px, py, pz = np.moveaxis(points[:, None] - at.anchor[:, :, None], -1, 0)
+    out[..., 0] = y * pz - z * py
+    out[..., 1] = z * px - x * pz
+    out[..., 2] = x * py - y * px
+    out[:, :3] = np.eye(3)[:, None]
+    out *= carried.T[..., None]
+    return out
+
+
+def moved(qpos: Array, step: Array) -> Array:
+    """`qpos` (T, 7 + nj) after `step` (T, nv): what mj_integratePos does, over all frames."""
+    out = np.empty_like(qpos)
+    out[:, :3] = qpos[:, :3] + step[:, :3]
+    out[:, 3:7] = quat_mul(qpos[:, 3:7], rotvec_to_quat(step[:, 3:ROOT_DOFS]))
+    out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
+    out[:, 7:] = qpos[:, 7:] + step[:, ROOT_DOFS:]
+    return out
+
+
+def on_body(at: Poses, bodies: Array, points: Array) -> Array:
+    """(T, k, 3) world positions of `points` (k, 3), each in the frame of its body of `bodies` (k,)."""
+    return at.place[:, bodies] + quat_rotate(at.turn[:, bodies], points)
