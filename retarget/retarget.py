@@ -13,7 +13,7 @@ from motiongen.rotation import Array, quat_continuous, quat_normalize, yaw_of_qu
 from retarget.contacts import Flags, pelvis_height, planted, supported
 from retarget.feet import flattened, pinned, riding_height
 from retarget.goals import ROOT, Goal, goals, leg_scale, root_goal
-from retarget.ik import solve
+from retarget.whole import solve
 from retarget.model import load_model
 from retarget.rest import Rest, rest_of
 from retarget.rig import MOUNTS, Mount, Rig
@@ -73,7 +73,7 @@ def _on_stand(motion: Motion, rig: Rig, model: mujoco.MjModel, rest: Rest, nomin
     """(T, 7 + nj) with the root where `nominal` (7 + nj,) has it."""
     root_pos, root_quat = (np.tile(part, (len(motion), 1)) for part in (nominal[:3], nominal[3:7]))
     carried = goals(motion, rig, rest, root_pos, root_quat)
-    return smoothed(solve(rig, model, carried, nominal, motion.fps, fixed_root=True))
+    return smoothed(solve(rig, model, carried, nominal, motion.fps, fixed_root=True, planted={}))
 
 
 def _on_floor(
@@ -94,7 +94,7 @@ def _on_floor(
             carried[ROOT] = Goal(follow, "", root_pos, root_quat, np.ones(len(motion)))
     start = nominal.copy()
     start[:3], start[3:7] = root_pos[0], root_quat[0]
-    body = solve(rig, model, carried, start, motion.fps, fixed_root=False)
+    body = solve(rig, model, carried, start, motion.fps, fixed_root=False, planted=stance)
     return np.where(_bears(rig, model), body, smoothed(body))
 
 

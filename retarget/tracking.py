@@ -1,0 +1,108 @@
+"""How far the followers of a rig are from their goals, over all frames, and what Gauss-Newton needs to bring them there.
+
+Errors are taken in the world: of the position in metres, of the orientation as the rotation vector from the goal. Its
+derivative is taken to be the angular velocity; the rest of it, the left Jacobian of the logarithm, leaves the gradient
+of the squared error as it is, since it keeps the vector itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
+from retarget.banded import Equations
+from retarget.goals import Goal
+from retarget.kinematics import Poses, Tree, point_jacobian
+from retarget.rest import is_site
+from retarget.rig import Rig
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """k frames fixed to bodies: `body` (k,), and in that body's frame `spot` (k, 3) and `turn` (k, 4)."""
+
+    body: Array
+    spot: Array
+    turn: Array
+
+    def seen(self, at: Poses) -> tuple[Array, Array]:
+        """World positions (T, k, 3) and orientations (T, k, 4)."""
+        turn = at.turn[:, self.body]
+        return at.place[:, self.body] + quat_rotate(turn, self.spot), quat_mul(turn, self.turn)
+
+
+@dataclass(frozen=True)
+class Targets:
+    """`follower` should be at `place` (T, k, 3), turned by `turn` (T, k, 4), as seen from `base` (the world is one).
+
+    `position` and `rotation` (T, k) weigh squared errors, in 1/m² and 1/rad².
+    """
+
+    follower: Mounted
+    base: Mounted
+    place: Array
+    turn: Array
+    position: Array
+    rotation: Array
+
+    def at(self, frames: slice) -> Targets:
+        """The same over some of the frames."""
+        rows = (part[frames] for part in (self.place, self.turn, self.position, self.rotation))
+        return Targets(self.follower, self.base, *rows)
+
+
+def targets_of(goals: list[Goal], rig: Rig, model: mujoco.MjModel) -> Targets:
+    """`goals` as arrays; positions count in units of the rig's nominal root height, so that weights mean the same."""
+    bases = [next((f.body for f in rig.follow if f.human == g.base), rig.root) if g.base else "world" for g in goals]
+    firm = np.stack([g.firm for g in goals], axis=1)
+    return Targets(
+        _mounted([g.follow.body for g in goals], model),
+        _mounted(bases, model),
+        np.stack([g.pos for g in goals], axis=1),
+        np.stack([g.quat for g in goals], axis=1),
+        (firm * [g.follow.position / rig.nominal.height for g in goals]) ** 2,
+        (firm * [g.follow.rotation for g in goals]) ** 2,
+    )
+
+
+def _mounted(names: list[str], model: mujoco.MjModel) -> Mounted:
+    body, spot, turn = np.empty(len(names), int), np.zeros((len(names), 3)), np.tile([1.0, 0, 0, 0], (len(names), 1))
+    for i, name in enumerate(names):
+        if is_site(model, name):
+            site = model.site(name)
+            body[i], spot[i], turn[i] = site.bodyid[0], site.pos, site.quat
+        else:
+            body[i] = model.body(name).id
+    return Mounted(body, spot, turn)
+
+
+def errors(targets: Targets, at: Poses) -> tuple[Array, Array]:
+    """(T, k, 3) metres and (T, k, 3) radians, from the goals to where the followers are."""
+    place, turn = targets.follower.seen(at)
+    base_place, base_turn = targets.base.seen(at)
+    off = place - (base_place + quat_rotate(base_turn, targets.place))
+    return off, quat_to_rotvec(quat_mul(turn, quat_conj(quat_mul(base_turn, targets.turn))))
+
+
+def add_tracking(out: Equations, tree: Tree, targets: Targets, at: Poses, off: Array, turned: Array) -> None:
+    """Add to `out` the squared errors `off` and `turned` (T, k, 3) of the followers, linear in the step."""
+    carried = tree.carries[targets.follower.body] - tree.carries[targets.base.body]
+    tracked = targets.position.any(0)
+    points, _ = targets.follower.seen(at)
+    root = np.sqrt(targets.position[:, tracked])[..., None]
+    slide = point_jacobian(at, points[:, tracked], carried[tracked]) * root[:, None]
+    slide = slide.reshape(*slide.shape[:2], -1)
+    blocks = slide @ slide.swapaxes(1, 2)
+    gradient = (slide @ (off[:, tracked] * root).reshape(len(off), -1, 1))[..., 0]
+
+    spin = at.axis.copy()
+    spin[:, :3] = 0.0
+    both = carried[:, :, None] * carried[:, None, :]
+    shared = (targets.rotation @ both.reshape(len(both), -1)).reshape(blocks.shape)
+    blocks += shared * (spin @ spin.swapaxes(1, 2))
+    gradient += ((carried.T @ (targets.rotation[..., None] * turned)) * spin).sum(-1)
+    out.blocks(blocks)
+    out.diagonal(np.zeros_like(gradient), gradient)

@@ -1,0 +1,286 @@
+"""Inverse kinematics of a whole trajectory: all frames in one sparse least-squares problem, not one after the other.
+
+What is minimised is the squared error of every follower, the third differences of the configuration (so that the
+motion is as smooth as tracking allows: a low-pass without lag), and a little distance from the nominal pose. Joint
+ranges and speeds, soles on the floor and planted feet are constraints, held by augmented Lagrangians (Nocedal and
+Wright 2006, ch. 17.4): each is a stiff spring whose rest is shifted until it no longer gives. Each step is Gauss-Newton
+with Levenberg's damping on equations whose band is three frames wide, so that cost grows linearly with length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from motiongen.rotation import Array, quat_conj, quat_continuous, quat_mul, quat_normalize, quat_to_rotvec
+from retarget.banded import FIRST, REACH, THIRD, Equations
+from retarget.contacts import Flags
+from retarget.goals import ROOT, Goal
+from retarget.kinematics import ROOT_DOFS, Poses, Tree, moved, on_body, point_jacobian, poses, tree_of
+from retarget.rig import Rig
+from retarget.tracking import Targets, add_tracking, errors, targets_of
+
+SMOOTH = 0.03  # s: wiggles of a weight-1 follower faster than 1 / (2π · SMOOTH) Hz are smoothed away
+LEAST_SMOOTH = 0.5  # frames, where they are far apart
+POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave open
+STIFF = 1e3  # of a spring that holds a limit (1/rad²) or the floor (in units of the nominal root height)
+FIRM = 100.0  # times its weight, a planted foot's spring
+COARSE = 0.1  # s between the frames of the first, coarse solution, which finds the way
+COARSE_STEPS, FINE_STEPS = 30, 3  # at most; the fine ones between two shifts of the springs
+SHIFTS = 3
+HELD = 1e9  # makes a root stand still in equations where other weights are below 1e6
+DONE = 2e-3  # rad a step
+LEAP = 0.7  # rad (or root heights) that one step may move a frame
+DAMPING = 1e-3
+WINDOW, OVERLAP = 20.0, 1.0  # s solved at once, which bounds the memory, and thrown away where the next one takes over
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One window: `targets` over its T frames, of which the first `known` are solved and stay.
+
+    `smooth` (nv,) weighs squared third differences, `reach` (2, nj) are the joints' ranges in rad, `stride` (nj,) rad
+    is what they may move in a frame, `planted` (T, k) where followers are held. `soles`: body (s,) and point (s, 3).
+    """
+
+    tree: Tree
+    targets: Targets
+    known: int
+    nominal: Array
+    smooth: Array
+    reach: Array
+    stride: Array
+    planted: Flags
+    soles: tuple[Array, Array]
+    floor: float
+    fixed_root: bool
+
+
+@dataclass(frozen=True)
+class Shifts:
+    """How far the rests of the springs are shifted: Lagrange multipliers over stiffness."""
+
+    reach: Array
+    stride: Array
+    floor: Array
+    off: Array
+    turned: Array
+
+
+@dataclass(frozen=True)
+class State:
+    """Configurations `qpos` (T, nq) and all that is away from where it should be there; `cost` is their weighted sum."""
+
+    qpos: Array
+    at: Poses
+    off: Array
+    turned: Array
+    jerk: Array
+    over: Array
+    fast: Array
+    under: Array
+    cost: float
+
+
+def solve(
+    rig: Rig,
+    model: mujoco.MjModel,
+    goals: dict[str, Goal],
+    start: Array,
+    fps: float,
+    *,
+    fixed_root: bool,
+    planted: dict[str, Flags],
+) -> Array:
+    """(T, nq) configurations of `model` at `fps` frames a second.
+
+    `start` (nq,) has the joints that the search starts from and that the goals leave open; the root stays there where
+    `fixed_root`. `planted` (T,), by human joint, is where a goal is held rather than tracked; with it, soles stay above
+    the floor. Joint angles keep within `rig`'s ranges and velocities; a goal out of reach is missed.
+    """
+    names = [name for name, g in goals.items() if g.follow.position or g.follow.rotation]
+    targets = targets_of([goals[name] for name in names], rig, model)
+    count = len(targets.place)
+    held = np.stack([planted.get(name, np.zeros(count, bool)) for name in names], axis=1)
+    stiff = np.where(held, FIRM, 1.0)
+    targets = replace(targets, position=targets.position * stiff, rotation=targets.rotation * stiff)
+    guess = np.tile(start, (count, 1))
+    if not fixed_root and ROOT in goals:
+        guess[:, :3], guess[:, 3:7] = goals[ROOT].pos, goals[ROOT].quat
+    problem = _problem(rig, tree_of(model), targets, held, start, fixed_root, grounded=bool(planted))
+
+    window, overlap = round(WINDOW * fps), round(OVERLAP * fps)
+    out = np.empty((0, model.nq))
+    while len(out) < count:
+        end = min(len(out) + window + overlap, count)
+        solved = _window(problem, guess, out, end, fps)
+        out = np.concatenate([out, solved if end == count else solved[:window]])
+    out[:, 7:] = within(out[:, 7:], problem.reach, np.array([j.velocity for j in rig.joints]) / fps)
+    return out
+
+
+def within(angles: Array, reach: Array, stride: Array) -> Array:
+    """`angles` (T, nj) moved by as little as leaves them within `reach` (2, nj) and no frame's step above `stride`.
+
+    The middle of the highest and the lowest curve of that steepness that touch them (McShane's and Whitney's
+    extensions): where they already keep to it, they stay.
+    """
+    high = np.clip(angles, *reach)
+    low = high.copy()
+    for order in (range(1, len(angles)), range(len(angles) - 2, -1, -1)):
+        for t in order:
+            before = t - 1 if order.step > 0 else t + 1
+            high[t] = np.minimum(high[t], high[before] + stride)
+            low[t] = np.maximum(low[t], low[before] - stride)
+    return (high + low) / 2
+
+
+def _problem(
+    rig: Rig, tree: Tree, targets: Targets, held: Flags, start: Array, fixed_root: bool, *, grounded: bool
+) -> Problem:
+    model = tree.model
+    sites = [model.site(site) for foot in rig.feet for site in foot.sites] if grounded else []
+    size = np.ones(model.nv)
+    size[:3] = 1 / rig.nominal.height**2
+    return Problem(
+        tree=tree,
+        targets=targets,
+        known=0,
+        nominal=start[7:],
+        smooth=size,
+        reach=np.array([[j.lower for j in rig.joints], [j.upper for j in rig.joints]]),
+        stride=np.array([j.velocity for j in rig.joints]),
+        planted=held,
+        soles=(np.array([s.bodyid[0] for s in sites], int), np.array([s.pos for s in sites]).reshape(-1, 3)),
+        floor=STIFF / rig.nominal.height**2,
+        fixed_root=fixed_root,
+    )
+
+
+def _window(problem: Problem, guess: Array, before: Array, end: int, fps: float) -> Array:
+    """Frames len(before) … end, first every COARSE seconds, then all of them from there."""
+    start, qpos = len(before), guess[len(before) : end]
+    for every, steps, shifts in ((max(1, round(COARSE * fps)), COARSE_STEPS, 1), (1, FINE_STEPS, SHIFTS)):
+        past = before[::-1][every - 1 :: every][:REACH][::-1]
+        first = start - len(past) * every
+        frames = slice(first, end, every)
+        part = replace(
+            problem,
+            targets=problem.targets.at(frames),
+            known=len(past),
+            smooth=problem.smooth * max(SMOOTH * fps / every, LEAST_SMOOTH) ** 6,
+            stride=problem.stride * every / fps,
+            planted=problem.planted[frames],
+        )
+        solved = _solved(part, np.concatenate([past, qpos[::every]]), steps, shifts)[len(past) :]
+        qpos = _spread(solved, every, end - start)
+    return qpos
+
+
+def _solved(problem: Problem, qpos: Array, steps: int, shifts: int) -> Array:
+    """Augmented Lagrangian: between shifts of the springs at most `steps` Gauss-Newton steps."""
+    shift = _unshifted(problem)
+    for _ in range(shifts):
+        state = _state(problem, shift, qpos)
+        damping = DAMPING
+        for _ in range(steps):
+            step = _equations(problem, state).solved(problem.known, damping)
+            if problem.fixed_root:
+                step[:, :ROOT_DOFS] = 0.0
+            step *= np.minimum(1.0, LEAP / np.maximum(np.abs(step).max(1, keepdims=True), 1e-12))
+            tried = _state(problem, shift, moved(state.qpos, step))
+            if tried.cost < state.cost:
+                state, damping = tried, damping / 3
+            else:
+                damping *= 30
+            if np.abs(step).max() < DONE:
+                break
+        qpos = state.qpos
+        held = problem.planted[..., None]
+        shift = Shifts(state.over, state.fast, state.under, state.off * held, state.turned * held)
+    return qpos
+
+
+def _unshifted(problem: Problem) -> Shifts:
+    count, k = problem.planted.shape
+    joints = len(problem.stride)
+    return Shifts(
+        np.zeros((count, joints)),
+        np.zeros((count - 1, joints)),
+        np.zeros((count, len(problem.soles[0]))),
+        np.zeros((count, k, 3)),
+        np.zeros((count, k, 3)),
+    )
+
+
+def _state(problem: Problem, shift: Shifts, qpos: Array) -> State:
+    targets = problem.targets
+    at = poses(problem.tree, qpos)
+    off, turned = errors(targets, at)
+    off, turned = off + shift.off, turned + shift.turned
+    rate = _differences(qpos)
+    jerk = np.diff(rate, n=2, axis=0)
+    over = _outside(qpos[:, 7:] + shift.reach, *problem.reach)
+    fast = _outside(rate[:, ROOT_DOFS:] + shift.stride, -problem.stride, problem.stride)
+    under = np.minimum(on_body(at, *problem.soles)[..., 2] + shift.floor, 0.0)
+    cost = (
+        (targets.position * (off**2).sum(-1)).sum()
+        + (targets.rotation * (turned**2).sum(-1)).sum()
+        + (problem.smooth * jerk**2).sum()
+        + POSTURE**2 * ((qpos[:, 7:] - problem.nominal) ** 2).sum()
+        + STIFF * ((over**2).sum() + (fast**2).sum())
+        + problem.floor * (under**2).sum()
+    )
+    return State(qpos, at, off, turned, jerk, over, fast, under, float(cost))
+
+
+def _equations(problem: Problem, state: State) -> Equations:
+    """The squares of `state`, each linear in the step of the configurations."""
+    count, nv = len(state.qpos), problem.tree.model.nv
+    out = Equations(count, nv)
+    add_tracking(out, problem.tree, problem.targets, state.at, state.off, state.turned)
+    out.differences(THIRD, np.tile(problem.smooth, (len(state.jerk), 1)), state.jerk)
+
+    weight, gradient = np.zeros((count, nv)), np.zeros((count, nv))
+    weight[:, ROOT_DOFS:] = POSTURE**2 + STIFF * (state.over != 0)
+    gradient[:, ROOT_DOFS:] = POSTURE**2 * (state.qpos[:, 7:] - problem.nominal) + STIFF * state.over
+    if problem.fixed_root:
+        weight[:, :ROOT_DOFS] = HELD
+    out.diagonal(weight, gradient)
+    fast = np.zeros((count - 1, nv))
+    fast[:, ROOT_DOFS:] = state.fast
+    out.differences(FIRST, STIFF * (fast != 0), fast)
+
+    bodies, points = problem.soles
+    low = np.flatnonzero((state.under < 0).any(0))
+    if len(low):
+        rows = point_jacobian(state.at, on_body(state.at, bodies, points)[:, low], problem.tree.carries[bodies[low]])
+        rows = rows[..., 2] * (state.under[:, None, low] < 0)
+        out.blocks(problem.floor * rows @ rows.swapaxes(1, 2))
+        out.diagonal(np.zeros((count, nv)), problem.floor * (rows @ state.under[:, low, None])[..., 0])
+    return out
+
+
+def _outside(values: Array, low: Array, high: Array) -> Array:
+    return values - np.clip(values, low, high)
+
+
+def _differences(qpos: Array) -> Array:
+    """(T − 1, nv) from one frame to the next: what mj_differentiatePos does for a step of 1 s."""
+    turn = quat_to_rotvec(quat_mul(quat_conj(qpos[:-1, 3:7]), qpos[1:, 3:7]))
+    return np.concatenate([np.diff(qpos[:, :3], axis=0), turn, np.diff(qpos[:, 7:], axis=0)], axis=1)
+
+
+def _spread(qpos: Array, every: int, count: int) -> Array:
+    """`qpos` of every `every`-th frame at all `count`, by cubic splines; the last is held."""
+    from scipy.interpolate import CubicSpline
+
+    qpos = np.concatenate([qpos[:, :3], quat_continuous(qpos[:, 3:7]), qpos[:, 7:]], axis=1)
+    if every == 1 or len(qpos) < 2:
+        return np.repeat(qpos, every, axis=0)[:count]
+    at = np.minimum(np.arange(count) / every, len(qpos) - 1)
+    out = CubicSpline(np.arange(len(qpos)), qpos)(at)
+    out[:, 3:7] = quat_normalize(out[:, 3:7])
+    return out
