@@ -6,20 +6,19 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from motiongen.motion import Motion
 from motiongen.rotation import Array, quat_continuous, quat_normalize, yaw_of_quat, yaw_quat
 from retarget.contacts import Flags, pelvis_height, planted, supported
 from retarget.feet import flattened, pinned, riding_height
 from retarget.goals import ROOT, Goal, goals, leg_scale, root_goal
-from retarget.whole import solve
 from retarget.model import load_model
 from retarget.rest import Rest, rest_of
 from retarget.rig import MOUNTS, Mount, Rig
 from retarget.table import RigError
 from retarget.timeline import Timeline, ease, normalised, plan, shifted, smoothed, stretch
 from retarget.trajectory import Trajectory
+from retarget.whole import solve
 
 
 def retarget(motion: Motion, rig: Rig, *, mount: Mount | None = None, fps: float = 50.0) -> Trajectory:
@@ -49,7 +48,8 @@ def retarget(motion: Motion, rig: Rig, *, mount: Mount | None = None, fps: float
         body = _on_stand(motion, rig, model, rest, nominal)
     else:
         stance = planted(motion)
-        body = _on_floor(motion, rig, model, rest, nominal, stance)
+        carried = floor_goals(motion, rig, rest, stance)
+        body = solve(rig, model, carried, nominal, fps, fixed_root=False, planted=stance)
 
     velocity = np.array([joint.velocity for joint in rig.joints])
     timeline = plan(body[0, 7:], body[-1, 7:], nominal[7:], velocity, len(body), fps)
@@ -73,13 +73,11 @@ def _on_stand(motion: Motion, rig: Rig, model: mujoco.MjModel, rest: Rest, nomin
     """(T, 7 + nj) with the root where `nominal` (7 + nj,) has it."""
     root_pos, root_quat = (np.tile(part, (len(motion), 1)) for part in (nominal[:3], nominal[3:7]))
     carried = goals(motion, rig, rest, root_pos, root_quat)
-    return smoothed(solve(rig, model, carried, nominal, motion.fps, fixed_root=True, planted={}))
+    return solve(rig, model, carried, nominal, motion.fps, fixed_root=True, planted={})
 
 
-def _on_floor(
-    motion: Motion, rig: Rig, model: mujoco.MjModel, rest: Rest, nominal: Array, stance: dict[str, Flags]
-) -> Array:
-    """(T, 7 + nj) with the root along the human path and planted feet pinned."""
+def floor_goals(motion: Motion, rig: Rig, rest: Rest, stance: dict[str, Flags]) -> dict[str, Goal]:
+    """Goals for a rig that goes about: the root along the human path, planted feet (`stance`) where they stand."""
     root_pos, root_quat = root_goal(motion, rest)
     carried = flattened(goals(motion, rig, rest, root_pos, root_quat), rest, stance)
     height = leg_scale(motion, rest) * pelvis_height(motion)
@@ -92,24 +90,7 @@ def _on_floor(
     for follow in rig.follow:
         if follow.human == ROOT:
             carried[ROOT] = Goal(follow, "", root_pos, root_quat, np.ones(len(motion)))
-    start = nominal.copy()
-    start[:3], start[3:7] = root_pos[0], root_quat[0]
-    body = solve(rig, model, carried, start, motion.fps, fixed_root=False, planted=stance)
-    return np.where(_bears(rig, model), body, smoothed(body))
-
-
-def _bears(rig: Rig, model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """(7 + nj,) booleans: the root and the joints that a foot hangs from, which smoothing would take off their pins."""
-    out = np.zeros(model.nq, bool)
-    for foot in rig.feet:
-        body = model.body(foot.body).id
-        while body > 0:
-            first = model.body_jntadr[body]
-            for joint in range(first, first + model.body_jntnum[body]):
-                start = model.jnt_qposadr[joint]
-                out[start : start + (7 if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE else 1)] = True
-            body = model.body_parentid[body]
-    return out
+    return carried
 
 
 def _eased(body: Array, nominal: Array, timeline: Timeline) -> Array:

@@ -1,0 +1,184 @@
+"""Retargeting: the whole trajectory at once beside the per-frame method, on the same goals, in one run.
+
+    python benchmarks/retargeting.py [--quick] [--json] [--gate] [RIG ...]
+
+Clips are gestures, which need no data. Times are of the solving alone, in seconds of processor time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+
+import mujoco
+import numpy as np
+from lines import Line, gate, text
+from per_frame import per_frame
+
+from motiongen.gestures.catalogue import gestures, perform
+from motiongen.motion import Motion
+from motiongen.rotation import Array
+from retarget.contacts import Flags, planted
+from retarget.goals import Goal
+from retarget.kinematics import Tree, on_body, poses, tree_of
+from retarget.model import load_model
+from retarget.rest import rest_of
+from retarget.retarget import floor_goals
+from retarget.rig import Rig, load_rig
+from retarget.tracking import errors, targets_of
+from retarget.whole import solve
+
+RIGS = ("puppet", "humanoid")
+CLIPS, QUICK_CLIPS = 20, 3
+FPS = 50.0
+ROUNDING = 1e-6  # rad
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Means over all frames of all clips."""
+
+    frames_per_s: float
+    position_m: float
+    rotation_rad: float
+    skate_m_per_s: float
+    planted_moves_m: float
+    penetration_m: float
+    jerk_rad_per_s3: float
+    over_range: float
+    over_speed: float
+
+
+@dataclass(frozen=True)
+class Clip:
+    """What both methods are given."""
+
+    goals: dict[str, Goal]
+    stance: dict[str, Flags]
+
+
+def clips_of(rig: Rig, model: mujoco.MjModel, count: int) -> list[Clip]:
+    names = list(gestures())
+    chosen = [names[i] for i in np.linspace(0, len(names) - 1, count).round().astype(int)]
+    return [_clip(perform(name, seed=i).resampled(FPS), rig, model) for i, name in enumerate(chosen)]
+
+
+def _clip(motion: Motion, rig: Rig, model: mujoco.MjModel) -> Clip:
+    stance = planted(motion)
+    return Clip(floor_goals(motion, rig, rest_of(rig, model), stance), stance)
+
+
+def timed(method: Callable[[Clip], Array], clips: list[Clip]) -> tuple[list[Array], float]:
+    method(clips[0])  # imports and caches
+    start = time.process_time()
+    solved = [method(clip) for clip in clips]
+    return solved, sum(map(len, solved)) / (time.process_time() - start)
+
+
+def figures(rig: Rig, tree: Tree, clips: list[Clip], solved: list[Array], frames_per_s: float) -> Figures:
+    rows = [_measured(rig, tree, clip, qpos) for clip, qpos in zip(clips, solved, strict=True)]
+    weights = [len(qpos) for qpos in solved]
+    mean = {key: float(np.average([row[key] for row in rows], weights=weights)) for key in rows[0]}
+    mean["planted_moves_m"] = max(row["planted_moves_m"] for row in rows)
+    return Figures(frames_per_s=frames_per_s, **mean)
+
+
+def _measured(rig: Rig, tree: Tree, clip: Clip, qpos: Array) -> dict[str, float]:
+    at = poses(tree, qpos)
+    targets = targets_of(list(clip.goals.values()), rig, tree.model)
+    off, turned = errors(targets, at)
+    angles = qpos[:, 7:]
+    speed = np.abs(np.diff(angles, axis=0)) * FPS
+    skate, moves, low = [], [0.0], []
+    for foot in rig.feet:
+        sites = [tree.model.site(s) for s in foot.sites]
+        sole = on_body(at, np.array([s.bodyid[0] for s in sites]), np.array([s.pos for s in sites]))
+        low.append(np.maximum(-sole[..., 2], 0).max(1))
+        both = clip.stance[foot.human][1:] & clip.stance[foot.human][:-1]
+        step = np.linalg.norm(np.diff(sole, axis=0), axis=-1)[both]
+        skate += (step * FPS).ravel().tolist()
+        moves.append(float(step.sum(0).max(initial=0.0)))
+    joints = rig.joints
+    return {
+        "position_m": float(np.linalg.norm(off, axis=-1)[:, targets.position.any(0)].mean()),
+        "rotation_rad": float(np.linalg.norm(turned, axis=-1)[:, targets.rotation.any(0)].mean()),
+        "skate_m_per_s": float(np.mean(skate)) if skate else 0.0,
+        "planted_moves_m": max(moves),
+        "penetration_m": float(np.max(low, axis=0).mean()),
+        "jerk_rad_per_s3": float(np.abs(np.diff(angles, n=3, axis=0)).mean() * FPS**3),
+        "over_range": float(
+            ((angles < [j.lower - ROUNDING for j in joints]) | (angles > [j.upper + ROUNDING for j in joints])).mean()
+        ),
+        "over_speed": float((speed > [j.velocity + ROUNDING * FPS for j in joints]).mean()),
+    }
+
+
+def compared(name: str, count: int) -> tuple[dict[str, Figures], list[Line]]:
+    """Both methods on one rig, and what is held to a target."""
+    rig = load_rig(name)
+    model = load_model(rig)
+    tree = tree_of(model)
+    clips = clips_of(rig, model, count)
+    start = np.array([0, 0, rig.nominal.height, 1, 0, 0, 0, *rig.pose_vector(rig.nominal)], float)
+    calls: list[int] = []
+
+    def frame_by_frame(clip: Clip) -> Array:
+        out = per_frame(rig, model, clip.goals, start)
+        calls.append(out.calls)
+        return out.qpos
+
+    def at_once(clip: Clip) -> Array:
+        return solve(rig, model, clip.goals, start, FPS, fixed_root=False, planted=clip.stance)
+
+    slow = figures(rig, tree, clips, *timed(frame_by_frame, clips))
+    fast = figures(rig, tree, clips, *timed(at_once, clips))
+    frames = sum(len(clip.goals["pelvis"].pos) for clip in clips)
+    per_call = sum(calls[1:]) / frames * slow.frames_per_s  # mink.solve_ik calls a second
+    lines = [
+        Line(name, "frames/s over per-frame", fast.frames_per_s / slow.frames_per_s, 5.0, True),
+        Line(name, "time of a frame over one mink.solve_ik", per_call / fast.frames_per_s, 2.0, False),
+        Line(name, "position error over per-frame's × 1.1 + 5 mm", fast.position_m / bound(slow), 1.0, False),
+        Line(name, "skate over per-frame's", ratio(fast.skate_m_per_s, slow.skate_m_per_s), 0.1, False),
+        Line(name, "jerk over per-frame's", ratio(fast.jerk_rad_per_s3, slow.jerk_rad_per_s3), 1 / 3, False),
+        Line(name, "samples beyond a joint's range or speed", fast.over_range + fast.over_speed, 0.0, False),
+    ]
+    print(f"{name}: {len(clips)} clips, {frames} frames, {sum(calls[1:]) / frames:.1f} mink.solve_ik a frame")
+    return {"per frame": slow, "whole": fast}, lines
+
+
+def bound(slow: Figures) -> float:
+    return 1.1 * slow.position_m + 0.005
+
+
+def ratio(a: float, b: float) -> float:
+    return a / max(b, 1e-12)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("rigs", nargs="*", default=RIGS)
+    parser.add_argument("--quick", action="store_true", help="under a minute on one core")
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--gate", action="store_true", help="exit 1 where a target is missed")
+    asked = parser.parse_args()
+    lines: list[Line] = []
+    tables: dict[str, dict[str, Figures]] = {}
+    for name in asked.rigs:
+        tables[name], held = compared(name, QUICK_CLIPS if asked.quick else CLIPS)
+        lines += held
+        for figure in fields(Figures):
+            row = [f"{getattr(found, figure.name):>12.4g}" for found in tables[name].values()]
+            print(f"  {figure.name:<18}{''.join(row)}")
+    for line in lines:
+        print(text(line))
+    if asked.json:
+        print(json.dumps({name: {k: asdict(v) for k, v in found.items()} for name, found in tables.items()}))
+    return gate(lines, asked.gate)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
