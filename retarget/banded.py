@@ -1,6 +1,6 @@
 """Normal equations of a trajectory: a block for every frame, and diagonal blocks between frames up to three apart.
 
-Stored as LAPACK's lower band, `band[d, j]` = A[j + d, j], so that solving costs the same for every frame.
+Stored as LAPACK's lower band, `band[t, j, d]` = A[n t + j + d, n t + j], so that every frame costs the same.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ class Equations:
 
     def __init__(self, frames: int, size: int) -> None:
         self.frames, self.size = frames, size
-        self.band = np.zeros((REACH * size + 1, frames, size))
+        self.band = np.zeros((frames, size, REACH * size + 1))
         self.right = np.zeros((frames, size))
 
     def blocks(self, blocks: Array) -> None:
         """Add `blocks` (T, n, n), symmetric, each to its frame's own."""
-        for d in range(self.size):
-            self.band[d, :, : self.size - d] += np.diagonal(blocks, -d, 1, 2)
+        for j in range(self.size):
+            self.band[:, j, : self.size - j] += blocks[:, j:, j]
 
     def diagonal(self, weight: Array, gradient: Array) -> None:
         """Add ½ weight x² + gradient x, both (T, n)."""
-        self.band[0] += weight
+        self.band[..., 0] += weight
         self.right -= gradient
 
     def differences(self, stencil: Array, weight: Array, value: Array) -> None:
@@ -41,18 +41,17 @@ class Equations:
         for i, a in enumerate(stencil):
             self.right[i : i + count] -= a * weight * value
             for j, b in enumerate(stencil[: i + 1]):
-                self.band[(i - j) * self.size, j : j + count] += a * b * weight
+                self.band[j : j + count, :, (i - j) * self.size] += a * b * weight
 
-    def solved(self, known: int, damping: float) -> Array:
-        """x (T, n), its first `known` frames held at zero and `damping` added to the diagonal.
+    def solved(self, known: int, damping: Array) -> Array:
+        """x (T, n), its first `known` frames held at zero and `damping` (T, n) added to the diagonal.
 
         Raises numpy.linalg.LinAlgError where the matrix is not positive definite.
         """
         from scipy.linalg import solveh_banded
 
-        skip = known * self.size  # leading columns of a lower band are leading unknowns
-        band = self.band.reshape(len(self.band), -1)[:, skip:].copy()
-        band[0] += damping
-        out = np.zeros(self.frames * self.size)
-        out[skip:] = solveh_banded(band, self.right.ravel()[skip:], overwrite_ab=True, lower=True, check_finite=False)
-        return out.reshape(self.frames, self.size)
+        band = self.band[known:].reshape(-1, self.band.shape[-1]).copy()  # leading columns are leading unknowns
+        band[:, 0] += damping[known:].ravel()
+        right = self.right[known:].ravel()
+        x = solveh_banded(band.T, right, overwrite_ab=True, lower=True, check_finite=False)
+        return np.concatenate([np.zeros((known, self.size)), x.reshape(-1, self.size)])

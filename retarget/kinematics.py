@@ -65,19 +65,19 @@ def poses(tree: Tree, qpos: Array) -> Poses:
 
 
 def point_jacobian(at: Poses, points: Array, carried: Array) -> Array:
-    """(T, nv, k, 3) velocities of `points` (T, k, 3), in the world, for a unit rate of each degree of freedom.
+    """(T, nv, 3, k) velocities of `points` (T, k, 3), in the world, for a unit rate of each degree of freedom.
 
     `carried` (k, nv) says which of them move a point: a row of `Tree.carries`, or the difference of two rows for the
     velocity against a base.
     """
-    out = np.empty((*at.axis.shape[:2], *points.shape[1:]))
-    x, y, z = np.moveaxis(at.axis[:, :, None], -1, 0)
-    px, py, pz = np.moveaxis(points[:, None] - at.anchor[:, :, None], -1, 0)
-    out[..., 0] = y * pz - z * py
-    out[..., 1] = z * px - x * pz
-    out[..., 2] = x * py - y * px
-    out[:, :3] = np.eye(3)[:, None]
-    out *= carried.T[..., None]
+    axis, anchor = (np.ascontiguousarray(np.moveaxis(part, -1, 0))[..., None] for part in (at.axis, at.anchor))
+    px, py, pz = np.ascontiguousarray(np.moveaxis(points, -1, 0))[:, :, None] - anchor
+    x, y, z = axis * carried.T
+    out = np.empty((*at.axis.shape[:2], 3, points.shape[1]))
+    out[:, :, 0] = y * pz - z * py
+    out[:, :, 1] = z * px - x * pz
+    out[:, :, 2] = x * py - y * px
+    out[:, :3] = np.eye(3)[:, :, None] * carried[:, :3].T[:, None]
     return out
 
 

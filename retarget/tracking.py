@@ -92,11 +92,11 @@ def add_tracking(out: Equations, tree: Tree, targets: Targets, at: Poses, off: A
     carried = tree.carries[targets.follower.body] - tree.carries[targets.base.body]
     tracked = targets.position.any(0)
     points, _ = targets.follower.seen(at)
-    root = np.sqrt(targets.position[:, tracked])[..., None]
+    root = np.sqrt(targets.position[:, None, tracked])
     slide = point_jacobian(at, points[:, tracked], carried[tracked]) * root[:, None]
     slide = slide.reshape(*slide.shape[:2], -1)
     blocks = slide @ slide.swapaxes(1, 2)
-    gradient = (slide @ (off[:, tracked] * root).reshape(len(off), -1, 1))[..., 0]
+    gradient = (slide @ (off[:, tracked].swapaxes(1, 2) * root).reshape(len(off), -1, 1))[..., 0]
 
     spin = at.axis.copy()
     spin[:, :3] = 0.0

@@ -25,12 +25,13 @@ from retarget.tracking import Targets, add_tracking, errors, targets_of
 SMOOTH = 0.03  # s: wiggles of a weight-1 follower faster than 1 / (2π · SMOOTH) Hz are smoothed away
 LEAST_SMOOTH = 0.5  # frames, where they are far apart
 POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave open
-STIFF = 1e3  # of a spring that holds a limit (1/rad²) or the floor (in units of the nominal root height)
+STIFF = 1e3  # of the spring that holds soles above the floor, in units of the nominal root height
+SPEEDING = 10.0  # 1/rad², of the springs that hold speeds; what is left `within` cuts off
 FIRM = 100.0  # times its weight, a planted foot's spring
 COARSE = 0.1  # s between the frames of the first, coarse solution, which finds the way
-COARSE_STEPS, FINE_STEPS = 30, 3  # at most; the fine ones between two shifts of the springs
-SHIFTS = 3
-HELD = 1e9  # makes a root stand still in equations where other weights are below 1e6
+COARSE_STEPS, FINE_STEPS = 30, 3  # at most
+GAIN = 1e-3  # a smaller share of the cost gained ends the coarse ones
+HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 DONE = 2e-3  # rad a step
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
 DAMPING = 1e-3
@@ -62,7 +63,6 @@ class Problem:
 class Shifts:
     """How far the rests of the springs are shifted: Lagrange multipliers over stiffness."""
 
-    reach: Array
     stride: Array
     floor: Array
     off: Array
@@ -78,7 +78,6 @@ class State:
     off: Array
     turned: Array
     jerk: Array
-    over: Array
     fast: Array
     under: Array
     cost: float
@@ -162,7 +161,7 @@ def _problem(
 def _window(problem: Problem, guess: Array, before: Array, end: int, fps: float) -> Array:
     """Frames len(before) … end, first every COARSE seconds, then all of them from there."""
     start, qpos = len(before), guess[len(before) : end]
-    for every, steps, shifts in ((max(1, round(COARSE * fps)), COARSE_STEPS, 1), (1, FINE_STEPS, SHIFTS)):
+    for every, steps in ((max(1, round(COARSE * fps)), COARSE_STEPS), (1, FINE_STEPS)):
         past = before[::-1][every - 1 :: every][:REACH][::-1]
         first = start - len(past) * every
         frames = slice(first, end, every)
@@ -174,40 +173,55 @@ def _window(problem: Problem, guess: Array, before: Array, end: int, fps: float)
             stride=problem.stride * every / fps,
             planted=problem.planted[frames],
         )
-        solved = _solved(part, np.concatenate([past, qpos[::every]]), steps, shifts)[len(past) :]
+        solved = _solved(part, np.concatenate([past, qpos[::every]]), steps, shifting=every == 1)[len(past) :]
         qpos = _spread(solved, every, end - start)
     return qpos
 
 
-def _solved(problem: Problem, qpos: Array, steps: int, shifts: int) -> Array:
-    """Augmented Lagrangian: between shifts of the springs at most `steps` Gauss-Newton steps."""
-    shift = _unshifted(problem)
-    for _ in range(shifts):
-        state = _state(problem, shift, qpos)
-        damping = DAMPING
-        for _ in range(steps):
-            step = _equations(problem, state).solved(problem.known, damping)
-            if problem.fixed_root:
-                step[:, :ROOT_DOFS] = 0.0
-            step *= np.minimum(1.0, LEAP / np.maximum(np.abs(step).max(1, keepdims=True), 1e-12))
-            tried = _state(problem, shift, moved(state.qpos, step))
-            if tried.cost < state.cost:
-                state, damping = tried, damping / 3
-            else:
-                damping *= 30
-            if np.abs(step).max() < DONE:
-                break
-        qpos = state.qpos
-        held = problem.planted[..., None]
-        shift = Shifts(state.over, state.fast, state.under, state.off * held, state.turned * held)
-    return qpos
+def _solved(problem: Problem, qpos: Array, steps: int, *, shifting: bool) -> Array:
+    """At most `steps` Gauss-Newton steps, after each of which the springs shift where `shifting`.
+
+    Ranges are kept by projection (Bertsekas 1982): what is at its end and would go further sits out a step, and what
+    arrives there stops.
+    """
+    shift, damping = _unshifted(problem), DAMPING
+    qpos = np.concatenate([qpos[:, :7], np.clip(qpos[:, 7:], *problem.reach)], axis=1)
+    state = _state(problem, shift, qpos, poses(problem.tree, qpos))
+    for _ in range(steps):
+        equations = _equations(problem, state)
+        frozen = _frozen(problem, state.qpos, equations.right)
+        step = np.where(frozen, 0.0, equations.solved(problem.known, np.where(frozen, HELD, damping)))
+        largest = np.abs(step).max(1, keepdims=True)
+        qpos = moved(state.qpos, step * np.minimum(1.0, LEAP / np.maximum(largest, LEAP)))
+        qpos[:, 7:] = np.clip(qpos[:, 7:], *problem.reach)
+        tried = _state(problem, shift, qpos, poses(problem.tree, qpos))
+        if tried.cost > state.cost:
+            damping *= 10
+            continue
+        gain, state, damping = state.cost - tried.cost, tried, max(damping / 10, DAMPING)
+        if largest.max() < DONE or (not shifting and gain < GAIN * state.cost):
+            break
+        if shifting:
+            held = problem.planted[..., None]
+            shift = Shifts(state.fast, state.under, state.off * held, state.turned * held)
+            state = _state(problem, shift, state.qpos, state.at)
+    return state.qpos
+
+
+def _frozen(problem: Problem, qpos: Array, downhill: Array) -> Flags:
+    """(T, nv): at the end of its range with `downhill` (T, nv) beyond it; and a fixed root."""
+    out = np.zeros(downhill.shape, bool)
+    out[:, :ROOT_DOFS] = problem.fixed_root
+    low, high = problem.reach
+    angles, way = qpos[:, 7:], downhill[:, ROOT_DOFS:]
+    out[:, ROOT_DOFS:] = ((angles <= low) & (way < 0)) | ((angles >= high) & (way > 0))
+    return out
 
 
 def _unshifted(problem: Problem) -> Shifts:
     count, k = problem.planted.shape
     joints = len(problem.stride)
     return Shifts(
-        np.zeros((count, joints)),
         np.zeros((count - 1, joints)),
         np.zeros((count, len(problem.soles[0]))),
         np.zeros((count, k, 3)),
@@ -215,25 +229,24 @@ def _unshifted(problem: Problem) -> Shifts:
     )
 
 
-def _state(problem: Problem, shift: Shifts, qpos: Array) -> State:
+def _state(problem: Problem, shift: Shifts, qpos: Array, at: Poses) -> State:
     targets = problem.targets
-    at = poses(problem.tree, qpos)
     off, turned = errors(targets, at)
     off, turned = off + shift.off, turned + shift.turned
     rate = _differences(qpos)
     jerk = np.diff(rate, n=2, axis=0)
-    over = _outside(qpos[:, 7:] + shift.reach, *problem.reach)
-    fast = _outside(rate[:, ROOT_DOFS:] + shift.stride, -problem.stride, problem.stride)
+    wanted = rate[:, ROOT_DOFS:] + shift.stride
+    fast = wanted - np.clip(wanted, -problem.stride, problem.stride)
     under = np.minimum(on_body(at, *problem.soles)[..., 2] + shift.floor, 0.0)
     cost = (
         (targets.position * (off**2).sum(-1)).sum()
         + (targets.rotation * (turned**2).sum(-1)).sum()
         + (problem.smooth * jerk**2).sum()
         + POSTURE**2 * ((qpos[:, 7:] - problem.nominal) ** 2).sum()
-        + STIFF * ((over**2).sum() + (fast**2).sum())
+        + SPEEDING * (fast**2).sum()
         + problem.floor * (under**2).sum()
     )
-    return State(qpos, at, off, turned, jerk, over, fast, under, float(cost))
+    return State(qpos, at, off, turned, jerk, fast, under, float(cost))
 
 
 def _equations(problem: Problem, state: State) -> Equations:
@@ -244,27 +257,21 @@ def _equations(problem: Problem, state: State) -> Equations:
     out.differences(THIRD, np.tile(problem.smooth, (len(state.jerk), 1)), state.jerk)
 
     weight, gradient = np.zeros((count, nv)), np.zeros((count, nv))
-    weight[:, ROOT_DOFS:] = POSTURE**2 + STIFF * (state.over != 0)
-    gradient[:, ROOT_DOFS:] = POSTURE**2 * (state.qpos[:, 7:] - problem.nominal) + STIFF * state.over
-    if problem.fixed_root:
-        weight[:, :ROOT_DOFS] = HELD
+    weight[:, ROOT_DOFS:] = POSTURE**2
+    gradient[:, ROOT_DOFS:] = POSTURE**2 * (state.qpos[:, 7:] - problem.nominal)
     out.diagonal(weight, gradient)
     fast = np.zeros((count - 1, nv))
     fast[:, ROOT_DOFS:] = state.fast
-    out.differences(FIRST, STIFF * (fast != 0), fast)
+    out.differences(FIRST, SPEEDING * (fast != 0), fast)
 
     bodies, points = problem.soles
     low = np.flatnonzero((state.under < 0).any(0))
     if len(low):
         rows = point_jacobian(state.at, on_body(state.at, bodies, points)[:, low], problem.tree.carries[bodies[low]])
-        rows = rows[..., 2] * (state.under[:, None, low] < 0)
+        rows = rows[:, :, 2] * (state.under[:, None, low] < 0)
         out.blocks(problem.floor * rows @ rows.swapaxes(1, 2))
         out.diagonal(np.zeros((count, nv)), problem.floor * (rows @ state.under[:, low, None])[..., 0])
     return out
-
-
-def _outside(values: Array, low: Array, high: Array) -> Array:
-    return values - np.clip(values, low, high)
 
 
 def _differences(qpos: Array) -> Array:
