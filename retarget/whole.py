@@ -29,10 +29,11 @@ STIFF = 1e3  # of the spring that holds soles above the floor, in units of the n
 SPEEDING = 10.0  # 1/rad², of the springs that hold speeds; what is left `within` cuts off
 FIRM = 100.0  # times its weight, a planted foot's spring
 COARSE = 0.1  # s between the frames of the first, coarse solution, which finds the way
-COARSE_STEPS, FINE_STEPS = 30, 3  # at most
+COARSE_STEPS, FINE_STEPS = 30, 8  # at most
 GAIN = 1e-3  # a smaller share of the cost gained ends the coarse ones
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
-DONE = 2e-3  # rad a step
+DONE = 1e-2  # rad a step: the next one, by Newton's square, would be a hundredth of it
+HOLDS = 3e-4  # root heights by which a planted foot or the floor may give
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
 DAMPING = 1e-3
 WINDOW, OVERLAP = 20.0, 1.0  # s solved at once, which bounds the memory, and thrown away where the next one takes over
@@ -44,6 +45,7 @@ class Problem:
 
     `smooth` (nv,) weighs squared third differences, `reach` (2, nj) are the joints' ranges in rad, `stride` (nj,) rad
     is what they may move in a frame, `planted` (T, k) where followers are held. `soles`: body (s,) and point (s, 3).
+    `size` is the nominal root height in metres.
     """
 
     tree: Tree
@@ -55,7 +57,7 @@ class Problem:
     stride: Array
     planted: Flags
     soles: tuple[Array, Array]
-    floor: float
+    size: float
     fixed_root: bool
 
 
@@ -153,7 +155,7 @@ def _problem(
         stride=np.array([j.velocity for j in rig.joints]),
         planted=held,
         soles=(np.array([s.bodyid[0] for s in sites], int), np.array([s.pos for s in sites]).reshape(-1, 3)),
-        floor=STIFF / rig.nominal.height**2,
+        size=rig.nominal.height,
         fixed_root=fixed_root,
     )
 
@@ -199,12 +201,14 @@ def _solved(problem: Problem, qpos: Array, steps: int, *, shifting: bool) -> Arr
             damping *= 10
             continue
         gain, state, damping = state.cost - tried.cost, tried, max(damping / 10, DAMPING)
-        if largest.max() < DONE or (not shifting and gain < GAIN * state.cost):
+        if not shifting:
+            if gain < GAIN * state.cost:
+                break
+            continue
+        before, shift = shift, _shifted(problem, state)
+        if largest.max() < DONE and _given(before, shift) < HOLDS * problem.size:
             break
-        if shifting:
-            held = problem.planted[..., None]
-            shift = Shifts(state.fast, state.under, state.off * held, state.turned * held)
-            state = _state(problem, shift, state.qpos, state.at)
+        state = _state(problem, shift, state.qpos, state.at)
     return state.qpos
 
 
@@ -229,6 +233,16 @@ def _unshifted(problem: Problem) -> Shifts:
     )
 
 
+def _shifted(problem: Problem, state: State) -> Shifts:
+    held = problem.planted[..., None]
+    return Shifts(state.fast, state.under, state.off * held, state.turned * held)
+
+
+def _given(before: Shifts, after: Shifts) -> float:
+    """Metres by which the springs of the floor and of planted feet still gave."""
+    return max(float(np.abs(getattr(after, k) - getattr(before, k)).max(initial=0.0)) for k in ("off", "floor"))
+
+
 def _state(problem: Problem, shift: Shifts, qpos: Array, at: Poses) -> State:
     targets = problem.targets
     off, turned = errors(targets, at)
@@ -244,7 +258,7 @@ def _state(problem: Problem, shift: Shifts, qpos: Array, at: Poses) -> State:
         + (problem.smooth * jerk**2).sum()
         + POSTURE**2 * ((qpos[:, 7:] - problem.nominal) ** 2).sum()
         + SPEEDING * (fast**2).sum()
-        + problem.floor * (under**2).sum()
+        + STIFF / problem.size**2 * (under**2).sum()
     )
     return State(qpos, at, off, turned, jerk, fast, under, float(cost))
 
@@ -265,12 +279,13 @@ def _equations(problem: Problem, state: State) -> Equations:
     out.differences(FIRST, SPEEDING * (fast != 0), fast)
 
     bodies, points = problem.soles
+    stiff = STIFF / problem.size**2
     low = np.flatnonzero((state.under < 0).any(0))
     if len(low):
         rows = point_jacobian(state.at, on_body(state.at, bodies, points)[:, low], problem.tree.carries[bodies[low]])
         rows = rows[:, :, 2] * (state.under[:, None, low] < 0)
-        out.blocks(problem.floor * rows @ rows.swapaxes(1, 2))
-        out.diagonal(np.zeros((count, nv)), problem.floor * (rows @ state.under[:, low, None])[..., 0])
+        out.blocks(stiff * rows @ rows.swapaxes(1, 2))
+        out.diagonal(np.zeros((count, nv)), stiff * (rows @ state.under[:, low, None])[..., 0])
     return out
 
 

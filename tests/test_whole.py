@@ -1,0 +1,249 @@
+"""Whole-trajectory inverse kinematics against finite differences, MuJoCo's own Jacobians, and motions made from a rig."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import motions
+import mujoco
+import numpy as np
+import pytest
+from two_arm_rig import two_arm_rig
+
+from motiongen.motion import Motion
+from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
+from retarget.banded import FIRST, THIRD, Equations
+from retarget.contacts import planted, runs
+from retarget.goals import Goal
+from retarget.kinematics import moved, on_body, point_jacobian, poses, tree_of
+from retarget.model import load_model
+from retarget.rest import rest_of
+from retarget.retarget import floor_goals
+from retarget.rig import Follow, Rig, load_rig
+from retarget.tracking import add_tracking, errors, targets_of
+from retarget.whole import solve, within
+
+FPS = 50.0
+RIGS = ("puppet", "humanoid")
+
+
+def nominal(rig: Rig) -> Array:
+    return np.array([0, 0, rig.nominal.height, 1, 0, 0, 0, *rig.pose_vector(rig.nominal)], float)
+
+
+def wandering(rig: Rig, seconds: float, seed: int) -> Array:
+    """(T, 7 + nj): every joint swings within its range, below its speed, while the root goes about and turns."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * FPS) + 1) / FPS
+    qpos = np.tile(nominal(rig), (len(t), 1))
+    for i, joint in enumerate(rig.joints):
+        rate, swing = rng.uniform(1, 2), 0.2 * (joint.upper - joint.lower)
+        swing = min(swing, 0.5 * joint.velocity / rate)
+        middle = joint.lower + 0.45 * (joint.upper - joint.lower)
+        qpos[:, 7 + i] = middle + swing * np.sin(rate * t + rng.uniform(0, 6))
+    qpos[:, :3] += 0.1 * np.sin(t[:, None] * rng.uniform(0.5, 1.5, 3))
+    turn = np.zeros((len(t), 6 + len(rig.joints)))
+    turn[:, 3:6] = 0.3 * np.sin(t[:, None] * rng.uniform(0.5, 1.5, 3))
+    return moved(qpos, turn)
+
+
+def goals_from(qpos: Array, model: mujoco.MjModel, bodies: dict[str, str], base: str = "") -> dict[str, Goal]:
+    """Where `qpos` has bodies, by MuJoCo itself, as goals for them: human joint → body; in the frame of `base`."""
+    data = mujoco.MjData(model)
+    place, turn = np.empty((2, len(bodies), len(qpos), 3)), np.empty((2, len(bodies), len(qpos), 4))
+    for frame, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        for i, body in enumerate(bodies.values()):
+            for j, name in enumerate((body, base or "world")):
+                place[j, i, frame], turn[j, i, frame] = data.body(name).xpos, data.body(name).xquat
+    out = {}
+    for i, (human, body) in enumerate(bodies.items()):
+        back = quat_conj(turn[1, i])
+        pos, quat = quat_rotate(back, place[0, i] - place[1, i]), quat_mul(back, turn[0, i])
+        out[human] = Goal(Follow(body, human, 1.0, 1.0), "pelvis" if base else "", pos, quat, np.ones(len(qpos)))
+    return out
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_jacobians_are_mujoco_s(name: str) -> None:
+    rig = load_rig(name)
+    model = load_model(rig)
+    tree, qpos = tree_of(model), wandering(rig, 0.1, 1)
+    bodies = np.arange(1, model.nbody)
+    spots = np.random.default_rng(2).normal(size=(len(bodies), 3))
+    at = poses(tree, qpos)
+    points = on_body(at, bodies, spots)
+    found = point_jacobian(at, points, tree.carries[bodies])
+    data, wanted = mujoco.MjData(model), np.empty((3, model.nv))
+    for frame, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        for i, body in enumerate(bodies):
+            mujoco.mj_jac(model, data, wanted, None, points[frame, i], body)
+            assert found[frame, :, :, i].T == pytest.approx(wanted, abs=1e-10)
+
+
+def test_steps_are_mujoco_s() -> None:
+    model = load_model(load_rig("puppet"))
+    qpos = wandering(load_rig("puppet"), 0.2, 3)
+    step = np.random.default_rng(4).normal(size=(len(qpos), model.nv))
+    for q, v, found in zip(qpos, step, moved(qpos, step), strict=True):
+        wanted = q.copy()
+        mujoco.mj_integratePos(model, wanted, v, 1.0)
+        assert found == pytest.approx(wanted, abs=1e-12)
+
+
+@pytest.mark.parametrize("base", ["", "torso"])
+def test_the_gradient_is_that_of_finite_differences(base: str) -> None:
+    """Of half the weighted squared error: also where it is large, and measured in a moving frame."""
+    rig = load_rig("puppet")
+    model = load_model(rig)
+    tree = tree_of(model)
+    goals = goals_from(wandering(rig, 0.1, 5), model, {"left_wrist": "left_forearm", "left_ankle": "left_foot"}, base)
+    targets = targets_of(list(goals.values()), rig, model)
+    qpos = wandering(rig, 0.1, 6)
+
+    def cost(q: Array) -> Array:
+        off, turned = errors(targets, poses(tree, q))
+        squares = (targets.position * (off**2).sum(-1)).sum(1) + (targets.rotation * (turned**2).sum(-1)).sum(1)
+        return squares / 2
+
+    out = Equations(len(qpos), model.nv)
+    at = poses(tree, qpos)
+    add_tracking(out, tree, targets, at, *errors(targets, at))
+    for dof in range(model.nv):
+        nudge = np.zeros((len(qpos), model.nv))
+        nudge[:, dof] = 1e-6
+        wanted = (cost(moved(qpos, nudge)) - cost(moved(qpos, -nudge))) / 2e-6
+        assert -out.right[:, dof] == pytest.approx(wanted, abs=1e-6)
+
+
+def test_banded_equations_are_the_dense_ones() -> None:
+    frames, size, known = 9, 3, 2
+    rng = np.random.default_rng(7)
+    out = Equations(frames, size)
+    dense, right = np.zeros((frames * size,) * 2), np.zeros(frames * size)
+    half = rng.normal(size=(frames, size, 5))
+    out.blocks(half @ half.swapaxes(1, 2))
+    for t, block in enumerate(half):
+        rows = slice(t * size, (t + 1) * size)
+        dense[rows, rows] += block @ block.T
+    for stencil in (FIRST, THIRD):
+        count = frames - len(stencil) + 1
+        weight, value = rng.uniform(1, 2, (count, size)), rng.normal(size=(count, size))
+        out.differences(stencil, weight, value)
+        for t in range(count):
+            for i in range(size):
+                row = np.zeros(frames * size)
+                row[[(t + k) * size + i for k in range(len(stencil))]] = stencil
+                dense += weight[t, i] * np.outer(row, row)
+                right -= weight[t, i] * value[t, i] * row
+    damping = rng.uniform(0, 1, (frames, size))
+    left = (dense + np.diag(damping.ravel()))[known * size :, known * size :]
+    wanted = np.linalg.solve(left, right[known * size :]).reshape(-1, size)
+    found = out.solved(known, damping)
+    assert found[known:] == pytest.approx(wanted)
+    assert not found[:known].any()
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_a_motion_made_from_the_rig_comes_back(name: str) -> None:
+    """Random smooth angles → where that puts every body → the angles, within 0.01 rad, from the nominal pose."""
+    rig = load_rig(name)
+    model = load_model(rig)
+    made = wandering(rig, 2.0, 8)
+    bodies = {str(body): model.body(body).name for body in range(1, model.nbody)}
+    start = nominal(rig)
+    found = solve(rig, model, goals_from(made, model, bodies), start, FPS, fixed_root=False, planted={})
+    assert np.abs(found[:, 7:] - made[:, 7:]).max() < 0.01
+    assert np.abs(found[:, :3] - made[:, :3]).max() < 0.01 * rig.nominal.height
+    assert np.abs(quat_to_rotvec(quat_mul(quat_conj(made[:, 3:7]), found[:, 3:7]))).max() < 0.01
+
+
+def test_two_arms_come_back_and_stop_at_their_limits(tmp_path: Path) -> None:
+    """The left arm is asked for 2.4 rad of its 2.0, twice, and then for a jump, which it may take at 3.5 rad/s."""
+    rig = two_arm_rig(tmp_path)
+    model = load_model(rig)
+    t = np.arange(151) / FPS
+    made = np.tile(nominal(rig), (len(t), 1))
+    made[:, 7] = np.where(t < 2, 2.4 * np.sin(np.pi / 2 * t) ** 2, -1.0)
+    made[:, 8] = 0.5 * np.sin(2 * t)
+    goals = goals_from(made, model, {"left_wrist": "left_arm", "right_wrist": "right_arm", "pelvis": "base"})
+    found = solve(rig, model, goals, nominal(rig), FPS, fixed_root=True, planted={})
+    assert found[:, :7] == pytest.approx(made[:, :7])
+    assert found[:, 8] == pytest.approx(made[:, 8], abs=0.01)
+    assert found[:, 7].max() == pytest.approx(2.0, abs=1e-3)
+    assert found[:, 7].max() <= 2.0
+    assert np.abs(np.diff(found[:, 7])).max() <= 3.5 / FPS + 1e-12
+    assert found[-1, 7] == pytest.approx(-1.0, abs=0.02)
+
+
+def test_within_moves_only_what_is_beyond() -> None:
+    reach, stride = np.array([[-1.0], [1.0]]), np.array([0.1])
+    smooth = 0.9 * np.sin(np.linspace(0, 6, 200))[:, None]
+    assert within(smooth, reach, stride) == pytest.approx(smooth)
+    jumps = np.random.default_rng(9).normal(size=(200, 1))
+    kept = within(jumps, reach, stride)
+    assert np.abs(kept).max() <= 1.0
+    assert np.abs(np.diff(kept, axis=0)).max() <= 0.1 + 1e-12
+    step = np.where(np.arange(41) < 20, 0.0, 1.0)[:, None]
+    assert within(step, reach, stride)[19:21, 0] == pytest.approx([0.45, 0.55])  # half of the jump on either side
+
+
+def stood(rig: Rig, clip: Motion) -> tuple[Array, dict[str, Array], Array]:
+    """The solution, the soles (T, points, 3) and the stance, by human ankle."""
+    model = load_model(rig)
+    stance = planted(clip)
+    goals = floor_goals(clip, rig, rest_of(rig, model), stance)
+    qpos = solve(rig, model, goals, nominal(rig), clip.fps, fixed_root=False, planted=stance)
+    at = poses(tree_of(model), qpos)
+    soles = {}
+    for foot in rig.feet:
+        sites = [model.site(site) for site in foot.sites]
+        soles[foot.human] = on_body(at, np.array([s.bodyid[0] for s in sites]), np.array([s.pos for s in sites]))
+    return qpos, soles, stance
+
+
+@pytest.mark.parametrize(("name", "speed"), [("puppet", 0.4), ("humanoid", 1.2)])
+def test_planted_feet_move_less_than_a_millimetre(name: str, speed: float) -> None:
+    clip = motions.walk(speed).resampled(FPS)
+    _, soles, stance = stood(load_rig(name), clip)
+    stances = 0
+    for foot, points in soles.items():
+        assert points[..., 2].min() > -1e-3
+        for start, end in runs(stance[foot]):
+            still = points[start:end]
+            assert np.linalg.norm(still - still[0], axis=-1).max() < 1e-3
+            assert np.abs(still[..., 2]).max() < 1e-3
+            stances += 1
+    assert stances >= 7
+
+
+def test_windows_join_without_a_seam(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A walk in windows of 1 s is the walk in one piece, but for what a window does not see of the future."""
+    rig, clip = load_rig("humanoid"), motions.walk().resampled(FPS)
+    whole, _, _ = stood(rig, clip)
+    monkeypatch.setattr("retarget.whole.WINDOW", 1.0)
+    pieces, soles, stance = stood(rig, clip)
+    assert np.abs(pieces - whole).max() < 0.02
+    third = [np.abs(np.diff(q[:, 7:], n=3, axis=0)).max() for q in (pieces, whole)]
+    assert third[0] < 1.2 * third[1]
+    moved_by = [np.ptp(soles[foot][start:end], axis=0).max() for foot in soles for start, end in runs(stance[foot])]
+    assert max(moved_by) < 1e-3
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 5])
+def test_short_clips(frames: int) -> None:
+    rig, clip = load_rig("puppet"), motions.stand()
+    short = replace(clip, root_pos=clip.root_pos[:frames], joint_quat=clip.joint_quat[:frames])
+    qpos, soles, _ = stood(rig, short)
+    assert len(qpos) == frames
+    assert all(np.abs(points[..., 2]).max() < 1e-3 for points in soles.values())
+
+
+def test_the_same_twice() -> None:
+    rig, clip = load_rig("puppet"), motions.wave(seconds=1)
+    assert (stood(rig, clip)[0] == stood(rig, clip)[0]).all()
