@@ -30,10 +30,9 @@ SPEEDING = 10.0  # 1/rad², of the springs that hold speeds; what is left `withi
 FIRM = 100.0  # times its weight, a planted foot's spring
 COARSE = 0.1  # s between the frames of the first, coarse solution, which finds the way
 COARSE_STEPS, FINE_STEPS = 30, 8  # at most
-GAIN = 1e-3  # a smaller share of the cost gained ends the coarse ones
+GAIN = 1e-2  # a step that gains a smaller share of the cost is the last …
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
-DONE = 1e-2  # rad a step: the next one, by Newton's square, would be a hundredth of it
-HOLDS = 3e-4  # root heights by which a planted foot or the floor may give
+HOLDS = 3e-4  # … if planted feet and the floor gave no more than this share of the root's height
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
 DAMPING = 1e-3
 WINDOW, OVERLAP = 20.0, 1.0  # s solved at once, which bounds the memory, and thrown away where the next one takes over
@@ -193,22 +192,18 @@ def _solved(problem: Problem, qpos: Array, steps: int, *, shifting: bool) -> Arr
         equations = _equations(problem, state)
         frozen = _frozen(problem, state.qpos, equations.right)
         step = np.where(frozen, 0.0, equations.solved(problem.known, np.where(frozen, HELD, damping)))
-        largest = np.abs(step).max(1, keepdims=True)
-        qpos = moved(state.qpos, step * np.minimum(1.0, LEAP / np.maximum(largest, LEAP)))
+        qpos = moved(state.qpos, step * (LEAP / np.maximum(np.abs(step).max(1, keepdims=True), LEAP)))
         qpos[:, 7:] = np.clip(qpos[:, 7:], *problem.reach)
         tried = _state(problem, shift, qpos, poses(problem.tree, qpos))
         if tried.cost > state.cost:
             damping *= 10
             continue
         gain, state, damping = state.cost - tried.cost, tried, max(damping / 10, DAMPING)
-        if not shifting:
-            if gain < GAIN * state.cost:
-                break
-            continue
-        before, shift = shift, _shifted(problem, state)
-        if largest.max() < DONE and _given(before, shift) < HOLDS * problem.size:
+        before, shift = shift, _shifted(problem, state) if shifting else shift
+        if gain < GAIN * state.cost and _given(before, shift) < HOLDS * problem.size:
             break
-        state = _state(problem, shift, state.qpos, state.at)
+        if shifting:
+            state = _state(problem, shift, state.qpos, state.at)
     return state.qpos
 
 
