@@ -44,13 +44,14 @@ class Equations:
                 self.band[j : j + count, :, (i - j) * self.size] += a * b * weight
 
     def solved(self, known: int, damping: Array) -> Array:
-        """x (T, n), its first `known` frames held at zero and `damping` (T, n) added to the diagonal.
+        """x (T, n), its first `known` frames held at zero and `damping` (T, n) added to the diagonal. Good for one call:
+        the band is factored in place.
 
         Raises numpy.linalg.LinAlgError where the matrix is not positive definite.
         """
         from scipy.linalg import solveh_banded
 
-        band = self.band[known:].reshape(-1, self.band.shape[-1]).copy()  # leading columns are leading unknowns
+        band = self.band[known:].reshape(-1, self.band.shape[-1])  # leading columns are leading unknowns
         band[:, 0] += damping[known:].ravel()
         right = self.right[known:].ravel()
         x = solveh_banded(band.T, right, overwrite_ab=True, lower=True, check_finite=False)

@@ -25,15 +25,29 @@ class Tree:
 
 
 @dataclass(frozen=True)
+class Meetings:
+    """n places where two bodies are nearer than a gap: in `frame` (n,), `apart` (n,) metres (below 0: inside each
+    other) along `normal` (n, 3), which points from the first of `bodies` (n, 2) to the second, at `place` (n, 3).
+    """
+
+    frame: Array
+    bodies: Array
+    apart: Array
+    normal: Array
+    place: Array
+
+
+@dataclass(frozen=True)
 class Poses:
     """World poses over T frames: `place` (T, nbody, 3) and `turn` (T, nbody, 4) of the bodies; `axis` and `anchor`
-    (T, nv, 3) of the degrees of freedom, of which the first three slide and the others turn.
+    (T, nv, 3) of the degrees of freedom, of which the first three slide and the others turn; `meetings` of bodies.
     """
 
     place: Array
     turn: Array
     axis: Array
     anchor: Array
+    meetings: Meetings
 
 
 def tree_of(model: mujoco.MjModel) -> Tree:
@@ -47,21 +61,30 @@ def tree_of(model: mujoco.MjModel) -> Tree:
 
 
 def poses(tree: Tree, qpos: Array) -> Poses:
-    """Poses of the configurations `qpos` (T, nq)."""
+    """Poses of the configurations `qpos` (T, nq); bodies meet within the margins of the model's geoms."""
     model, frames = tree.model, len(qpos)
     data = mujoco.MjData(model)
     place, turn = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 4))
     axis, anchor = np.empty((frames, model.nv, 3)), np.empty((frames, model.nv, 3))
+    met = []
     for frame, q in enumerate(qpos):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         place[frame], turn[frame] = data.xpos, data.xquat
         axis[frame, ROOT_DOFS:], anchor[frame, ROOT_DOFS:] = data.xaxis[1:], data.xanchor[1:]
+        if model.geom_margin.any():
+            mujoco.mj_collision(model, data)
+            if data.ncon:
+                found = data.contact
+                bodies, normal = model.geom_bodyid[found.geom], found.frame[:, :3].copy()
+                met.append((np.full(data.ncon, frame), bodies, found.dist.copy(), normal, found.pos.copy()))
+    none = (np.zeros(0, int), np.zeros((0, 2), int), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    meetings = Meetings(*(np.concatenate(part) for part in zip(none, *met, strict=True)))
     root = model.jnt_bodyid[0]
     axis[:, :3] = np.eye(3)
     axis[:, 3:ROOT_DOFS] = quat_to_matrix(turn[:, root]).swapaxes(1, 2)
     anchor[:, :ROOT_DOFS] = place[:, root, None]
-    return Poses(place, turn, axis, anchor)
+    return Poses(place, turn, axis, anchor, meetings)
 
 
 def point_jacobian(at: Poses, points: Array, carried: Array) -> Array:

@@ -50,6 +50,7 @@ def retarget(motion: Motion, rig: Rig, *, mount: Mount | None = None, fps: float
         stance = planted(motion)
         carried = floor_goals(motion, rig, rest, stance)
         body = solve(rig, model, carried, nominal, fps, fixed_root=False, planted=stance)
+        body[:, :2] -= body[0, :2]
 
     velocity = np.array([joint.velocity for joint in rig.joints])
     timeline = plan(body[0, 7:], body[-1, 7:], nominal[7:], velocity, len(body), fps)

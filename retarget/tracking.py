@@ -15,7 +15,7 @@ import numpy as np
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
 from retarget.banded import Equations
 from retarget.goals import Goal
-from retarget.kinematics import Poses, Tree, point_jacobian
+from retarget.kinematics import Poses, Tree, on_body, point_jacobian
 from retarget.rest import is_site
 from retarget.rig import Rig
 
@@ -28,10 +28,17 @@ class Mounted:
     spot: Array
     turn: Array
 
-    def seen(self, at: Poses) -> tuple[Array, Array]:
-        """World positions (T, k, 3) and orientations (T, k, 4)."""
-        turn = at.turn[:, self.body]
-        return at.place[:, self.body] + quat_rotate(turn, self.spot), quat_mul(turn, self.turn)
+    def of(self, which: Array) -> Mounted:
+        """Those that `which` (k,) flags."""
+        return Mounted(self.body[which], self.spot[which], self.turn[which])
+
+    def places(self, at: Poses) -> Array:
+        """World positions (T, k, 3)."""
+        return on_body(at, self.body, self.spot)
+
+    def turns(self, at: Poses) -> Array:
+        """World orientations (T, k, 4)."""
+        return quat_mul(at.turn[:, self.body], self.turn)
 
 
 @dataclass(frozen=True)
@@ -80,20 +87,24 @@ def _mounted(names: list[str], model: mujoco.MjModel) -> Mounted:
 
 
 def errors(targets: Targets, at: Poses) -> tuple[Array, Array]:
-    """(T, k, 3) metres and (T, k, 3) radians, from the goals to where the followers are."""
-    place, turn = targets.follower.seen(at)
-    base_place, base_turn = targets.base.seen(at)
-    off = place - (base_place + quat_rotate(base_turn, targets.place))
-    return off, quat_to_rotvec(quat_mul(turn, quat_conj(quat_mul(base_turn, targets.turn))))
+    """(T, k, 3) metres and (T, k, 3) radians, from the goals to where the followers are; 0 where nothing is weighed."""
+    off, turned = np.zeros_like(targets.place), np.zeros_like(targets.place)
+    held, faced = targets.position.any(0), targets.rotation.any(0)
+    base = targets.base.of(held)
+    off[:, held] = targets.follower.of(held).places(at) - base.places(at)
+    off[:, held] -= quat_rotate(base.turns(at), targets.place[:, held])
+    wanted = quat_mul(targets.base.of(faced).turns(at), targets.turn[:, faced])
+    turned[:, faced] = quat_to_rotvec(quat_mul(targets.follower.of(faced).turns(at), quat_conj(wanted)))
+    return off, turned
 
 
 def add_tracking(out: Equations, tree: Tree, targets: Targets, at: Poses, off: Array, turned: Array) -> None:
     """Add to `out` the squared errors `off` and `turned` (T, k, 3) of the followers, linear in the step."""
     carried = tree.carries[targets.follower.body] - tree.carries[targets.base.body]
     tracked = targets.position.any(0)
-    points, _ = targets.follower.seen(at)
+    points = targets.follower.of(tracked).places(at)
     root = np.sqrt(targets.position[:, None, tracked])
-    slide = point_jacobian(at, points[:, tracked], carried[tracked]) * root[:, None]
+    slide = point_jacobian(at, points, carried[tracked]) * root[:, None]
     slide = slide.reshape(*slide.shape[:2], -1)
     blocks = slide @ slide.swapaxes(1, 2)
     gradient = (slide @ (off[:, tracked].swapaxes(1, 2) * root).reshape(len(off), -1, 1))[..., 0]
@@ -104,5 +115,22 @@ def add_tracking(out: Equations, tree: Tree, targets: Targets, at: Poses, off: A
     shared = (targets.rotation @ both.reshape(len(both), -1)).reshape(blocks.shape)
     blocks += shared * (spin @ spin.swapaxes(1, 2))
     gradient += ((carried.T @ (targets.rotation[..., None] * turned)) * spin).sum(-1)
+    out.blocks(blocks)
+    out.diagonal(np.zeros_like(gradient), gradient)
+
+
+def add_meetings(out: Equations, tree: Tree, at: Poses, near: Array, stiff: float) -> None:
+    """Add springs of `stiff` 1/m² that push bodies apart where they meet, by `near` (n,) metres (below 0) too close."""
+    met = at.meetings
+    axis, anchor = at.axis[met.frame], at.anchor[met.frame]
+    velocity = np.cross(axis, met.place[:, None] - anchor)
+    velocity[:, :3] = axis[:, :3]
+    rows = (velocity @ met.normal[..., None])[..., 0] * (
+        tree.carries[met.bodies[:, 1]] - tree.carries[met.bodies[:, 0]]
+    )
+    rows *= (near < 0)[:, None]
+    blocks, gradient = np.zeros((len(at.axis), rows.shape[1], rows.shape[1])), np.zeros((len(at.axis), rows.shape[1]))
+    np.add.at(blocks, met.frame, stiff * rows[:, :, None] * rows[:, None])
+    np.add.at(gradient, met.frame, stiff * near[:, None] * rows)
     out.blocks(blocks)
     out.diagonal(np.zeros_like(gradient), gradient)

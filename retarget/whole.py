@@ -9,6 +9,7 @@ with Levenberg's damping on equations whose band is three frames wide, so that c
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -20,12 +21,13 @@ from retarget.contacts import Flags
 from retarget.goals import ROOT, Goal
 from retarget.kinematics import ROOT_DOFS, Poses, Tree, moved, on_body, point_jacobian, poses, tree_of
 from retarget.rig import Rig
-from retarget.tracking import Targets, add_tracking, errors, targets_of
+from retarget.tracking import Targets, add_meetings, add_tracking, errors, targets_of
 
 SMOOTH = 0.03  # s: wiggles of a weight-1 follower faster than 1 / (2π · SMOOTH) Hz are smoothed away
 LEAST_SMOOTH = 0.5  # frames, where they are far apart
 POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave open
-STIFF = 1e3  # of the spring that holds soles above the floor, in units of the nominal root height
+GAP = 0.02  # of the root height: how far apart bodies stay
+STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
 SPEEDING = 10.0  # 1/rad², of the springs that hold speeds; what is left `within` cuts off
 FIRM = 100.0  # times its weight, a planted foot's spring
 COARSE = 0.1  # s between the frames of the first, coarse solution, which finds the way
@@ -81,6 +83,7 @@ class State:
     jerk: Array
     fast: Array
     under: Array
+    near: Array
     cost: float
 
 
@@ -109,7 +112,7 @@ def solve(
     guess = np.tile(start, (count, 1))
     if not fixed_root and ROOT in goals:
         guess[:, :3], guess[:, 3:7] = goals[ROOT].pos, goals[ROOT].quat
-    problem = _problem(rig, tree_of(model), targets, held, start, fixed_root, grounded=bool(planted))
+    problem = _problem(rig, _wary(rig, model), targets, held, start, fixed_root, grounded=bool(planted))
 
     window, overlap = round(WINDOW * fps), round(OVERLAP * fps)
     out = np.empty((0, model.nq))
@@ -157,6 +160,13 @@ def _problem(
         size=rig.nominal.height,
         fixed_root=fixed_root,
     )
+
+
+def _wary(rig: Rig, model: mujoco.MjModel) -> Tree:
+    """The tree of a copy of `model` whose geoms notice each other from the gap on."""
+    model = copy(model)
+    model.geom_margin[:] = GAP * rig.nominal.height
+    return tree_of(model)
 
 
 def _window(problem: Problem, guess: Array, before: Array, end: int, fps: float) -> Array:
@@ -246,6 +256,7 @@ def _state(problem: Problem, shift: Shifts, qpos: Array, at: Poses) -> State:
     jerk = np.diff(rate, n=2, axis=0)
     wanted = rate[:, ROOT_DOFS:] + shift.stride
     fast = wanted - np.clip(wanted, -problem.stride, problem.stride)
+    near = np.minimum(at.meetings.apart - GAP * problem.size, 0.0)
     under = np.minimum(on_body(at, *problem.soles)[..., 2] + shift.floor, 0.0)
     cost = (
         (targets.position * (off**2).sum(-1)).sum()
@@ -253,9 +264,9 @@ def _state(problem: Problem, shift: Shifts, qpos: Array, at: Poses) -> State:
         + (problem.smooth * jerk**2).sum()
         + POSTURE**2 * ((qpos[:, 7:] - problem.nominal) ** 2).sum()
         + SPEEDING * (fast**2).sum()
-        + STIFF / problem.size**2 * (under**2).sum()
+        + STIFF / problem.size**2 * ((under**2).sum() + (near**2).sum())
     )
-    return State(qpos, at, off, turned, jerk, fast, under, float(cost))
+    return State(qpos, at, off, turned, jerk, fast, under, near, float(cost))
 
 
 def _equations(problem: Problem, state: State) -> Equations:
@@ -281,6 +292,8 @@ def _equations(problem: Problem, state: State) -> Equations:
         rows = rows[:, :, 2] * (state.under[:, None, low] < 0)
         out.blocks(stiff * rows @ rows.swapaxes(1, 2))
         out.diagonal(np.zeros((count, nv)), stiff * (rows @ state.under[:, low, None])[..., 0])
+    if state.near.any():
+        add_meetings(out, problem.tree, state.at, state.near, stiff)
     return out
 
 
