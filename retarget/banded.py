@@ -44,8 +44,9 @@ class Equations:
                 self.band[j : j + count, :, (i - j) * self.size] += a * b * weight
 
     def solved(self, known: int, damping: Array) -> Array:
-        """x (T, n), its first `known` frames held at zero and `damping` (T, n) added to the diagonal. Good for one call:
-        the band is factored in place.
+        """x (T, n), its first `known` frames held at zero and `damping` (T, n) added to the diagonal.
+
+        Good for one call: the band is factored in place.
 
         Raises numpy.linalg.LinAlgError where the matrix is not positive definite.
         """

@@ -10,8 +10,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from motiongen.rotation import Array, quat_mul, quat_rotate, quat_to_matrix, rotvec_to_quat
+
+Indices = NDArray[np.intp]
 
 ROOT_DOFS = 6  # of the free joint: metres along the world's axes, then radians about the root's own
 
@@ -30,8 +33,8 @@ class Meetings:
     other) along `normal` (n, 3), which points from the first of `bodies` (n, 2) to the second, at `place` (n, 3).
     """
 
-    frame: Array
-    bodies: Array
+    frame: Indices
+    bodies: Indices
     apart: Array
     normal: Array
     place: Array
@@ -114,6 +117,6 @@ def moved(qpos: Array, step: Array) -> Array:
     return out
 
 
-def on_body(at: Poses, bodies: Array, points: Array) -> Array:
+def on_body(at: Poses, bodies: Indices, points: Array) -> Array:
     """(T, k, 3) world positions of `points` (k, 3), each in the frame of its body of `bodies` (k,)."""
     return at.place[:, bodies] + quat_rotate(at.turn[:, bodies], points)

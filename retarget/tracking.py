@@ -1,4 +1,4 @@
-"""How far the followers of a rig are from their goals, over all frames, and what Gauss-Newton needs to bring them there.
+"""How far the followers of a rig are from their goals, over all frames, and what brings them there by Gauss-Newton.
 
 Errors are taken in the world: of the position in metres, of the orientation as the rotation vector from the goal. Its
 derivative is taken to be the angular velocity; the rest of it, the left Jacobian of the logarithm, leaves the gradient
@@ -15,7 +15,7 @@ import numpy as np
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
 from retarget.banded import Equations
 from retarget.goals import Goal
-from retarget.kinematics import Poses, Tree, on_body, point_jacobian
+from retarget.kinematics import Indices, Poses, Tree, on_body, point_jacobian
 from retarget.rest import is_site
 from retarget.rig import Rig
 
@@ -24,12 +24,12 @@ from retarget.rig import Rig
 class Mounted:
     """k frames fixed to bodies: `body` (k,), and in that body's frame `spot` (k, 3) and `turn` (k, 4)."""
 
-    body: Array
+    body: Indices
     spot: Array
     turn: Array
 
-    def of(self, which: Array) -> Mounted:
-        """Those that `which` (k,) flags."""
+    def of(self, which: Indices) -> Mounted:
+        """Those at the indices `which`."""
         return Mounted(self.body[which], self.spot[which], self.turn[which])
 
     def places(self, at: Poses) -> Array:
@@ -89,7 +89,7 @@ def _mounted(names: list[str], model: mujoco.MjModel) -> Mounted:
 def errors(targets: Targets, at: Poses) -> tuple[Array, Array]:
     """(T, k, 3) metres and (T, k, 3) radians, from the goals to where the followers are; 0 where nothing is weighed."""
     off, turned = np.zeros_like(targets.place), np.zeros_like(targets.place)
-    held, faced = targets.position.any(0), targets.rotation.any(0)
+    held, faced = _weighed(targets.position), _weighed(targets.rotation)
     base = targets.base.of(held)
     off[:, held] = targets.follower.of(held).places(at) - base.places(at)
     off[:, held] -= quat_rotate(base.turns(at), targets.place[:, held])
@@ -98,10 +98,14 @@ def errors(targets: Targets, at: Poses) -> tuple[Array, Array]:
     return off, turned
 
 
+def _weighed(weights: Array) -> Indices:
+    return np.flatnonzero(weights.any(0))
+
+
 def add_tracking(out: Equations, tree: Tree, targets: Targets, at: Poses, off: Array, turned: Array) -> None:
     """Add to `out` the squared errors `off` and `turned` (T, k, 3) of the followers, linear in the step."""
     carried = tree.carries[targets.follower.body] - tree.carries[targets.base.body]
-    tracked = targets.position.any(0)
+    tracked = _weighed(targets.position)
     points = targets.follower.of(tracked).places(at)
     root = np.sqrt(targets.position[:, None, tracked])
     slide = point_jacobian(at, points, carried[tracked]) * root[:, None]

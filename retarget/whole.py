@@ -19,7 +19,8 @@ from motiongen.rotation import Array, quat_conj, quat_continuous, quat_mul, quat
 from retarget.banded import FIRST, REACH, THIRD, Equations
 from retarget.contacts import Flags
 from retarget.goals import ROOT, Goal
-from retarget.kinematics import ROOT_DOFS, Poses, Tree, moved, on_body, point_jacobian, poses, tree_of
+from retarget.kinematics import ROOT_DOFS, Indices, Poses, Tree, moved, on_body, point_jacobian, poses, tree_of
+from retarget.limits import within
 from retarget.rig import Rig
 from retarget.tracking import Targets, add_meetings, add_tracking, errors, targets_of
 
@@ -57,7 +58,7 @@ class Problem:
     reach: Array
     stride: Array
     planted: Flags
-    soles: tuple[Array, Array]
+    soles: tuple[Indices, Array]
     size: float
     fixed_root: bool
 
@@ -74,7 +75,7 @@ class Shifts:
 
 @dataclass(frozen=True)
 class State:
-    """Configurations `qpos` (T, nq) and all that is away from where it should be there; `cost` is their weighted sum."""
+    """Configurations `qpos` (T, nq) and what is amiss there; `cost` sums it up by weight."""
 
     qpos: Array
     at: Poses
@@ -122,22 +123,6 @@ def solve(
         out = np.concatenate([out, solved if end == count else solved[:window]])
     out[:, 7:] = within(out[:, 7:], problem.reach, np.array([j.velocity for j in rig.joints]) / fps)
     return out
-
-
-def within(angles: Array, reach: Array, stride: Array) -> Array:
-    """`angles` (T, nj) moved by as little as leaves them within `reach` (2, nj) and no frame's step above `stride`.
-
-    The middle of the highest and the lowest curve of that steepness that touch them (McShane's and Whitney's
-    extensions): where they already keep to it, they stay.
-    """
-    high = np.clip(angles, *reach)
-    low = high.copy()
-    for order in (range(1, len(angles)), range(len(angles) - 2, -1, -1)):
-        for t in order:
-            before = t - 1 if order.step > 0 else t + 1
-            high[t] = np.minimum(high[t], high[before] + stride)
-            low[t] = np.maximum(low[t], low[before] - stride)
-    return (high + low) / 2
 
 
 def _problem(
