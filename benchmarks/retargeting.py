@@ -29,7 +29,7 @@ from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
 from retarget.rig import Rig, load_rig
-from retarget.tracking import errors, targets_of
+from retarget.tracking import angles, distances, targets_of
 from retarget.whole import solve
 
 RIGS = ("puppet", "humanoid")
@@ -89,10 +89,9 @@ def figures(rig: Rig, tree: Tree, clips: list[Clip], solved: list[Array], frames
 
 def _measured(rig: Rig, tree: Tree, clip: Clip, qpos: Array) -> dict[str, float]:
     at = poses(tree, qpos)
-    targets = targets_of(list(clip.goals.values()), rig, tree.model)
-    off, turned = errors(targets, at)
-    angles = qpos[:, 7:]
-    speed = np.abs(np.diff(angles, axis=0)) * FPS
+    places, turns = targets_of(list(clip.goals.values()), rig, tree.model)
+    joints = qpos[:, 7:]
+    speed = np.abs(np.diff(joints, axis=0)) * FPS
     skate, moves, low = [], [0.0], []
     for foot in rig.feet:
         sites = [tree.model.site(s) for s in foot.sites]
@@ -102,18 +101,18 @@ def _measured(rig: Rig, tree: Tree, clip: Clip, qpos: Array) -> dict[str, float]
         step = np.linalg.norm(np.diff(sole, axis=0), axis=-1)[both]
         skate += (step * FPS).ravel().tolist()
         moves.append(float(step.sum(0).max(initial=0.0)))
-    joints = rig.joints
+    limits = rig.joints
     return {
-        "position_m": float(np.linalg.norm(off, axis=-1)[:, targets.position.any(0)].mean()),
-        "rotation_rad": float(np.linalg.norm(turned, axis=-1)[:, targets.rotation.any(0)].mean()),
+        "position_m": float(np.linalg.norm(distances(places, at), axis=-1).mean()),
+        "rotation_rad": float(np.linalg.norm(angles(turns, at), axis=-1).mean()),
         "skate_m_per_s": float(np.mean(skate)) if skate else 0.0,
         "planted_moves_m": max(moves),
         "penetration_m": float(np.max(low, axis=0).mean()),
-        "jerk_rad_per_s3": float(np.abs(np.diff(angles, n=3, axis=0)).mean() * FPS**3),
+        "jerk_rad_per_s3": float(np.abs(np.diff(joints, n=3, axis=0)).mean() * FPS**3),
         "over_range": float(
-            ((angles < [j.lower - ROUNDING for j in joints]) | (angles > [j.upper + ROUNDING for j in joints])).mean()
+            ((joints < [j.lower - ROUNDING for j in limits]) | (joints > [j.upper + ROUNDING for j in limits])).mean()
         ),
-        "over_speed": float((speed > [j.velocity + ROUNDING * FPS for j in joints]).mean()),
+        "over_speed": float((speed > [j.velocity + ROUNDING * FPS for j in limits]).mean()),
     }
 
 

@@ -15,31 +15,25 @@ FIRST = np.array([-1.0, 1.0])
 
 
 class Equations:
-    """A x = right, A symmetric and positive definite, for x (T, n): what the methods add is a sum of squares."""
+    """The x (T, n) that minimises a sum of squares: each frame's own, and those of differences between frames."""
 
-    def __init__(self, frames: int, size: int) -> None:
-        self.frames, self.size = frames, size
-        self.band = np.zeros((frames, size, REACH * size + 1))
-        self.right = np.zeros((frames, size))
-
-    def blocks(self, blocks: Array) -> None:
-        """Add `blocks` (T, n, n), symmetric, each to its frame's own."""
+    def __init__(self, curvature: Array, gradient: Array) -> None:
+        """Start with each frame's ½ xᵀ `curvature` x + `gradient` x: (T, n, n), symmetric, and (T, n)."""
+        frames, self.size = gradient.shape
+        self.band = np.zeros((frames, self.size, REACH * self.size + 1))
         for j in range(self.size):
-            self.band[:, j, : self.size - j] += blocks[:, j:, j]
+            self.band[:, j, : self.size - j] = curvature[:, j:, j]
+        self.downhill = -gradient
 
-    def diagonal(self, weight: Array, gradient: Array) -> None:
-        """Add ½ weight x² + gradient x, both (T, n)."""
-        self.band[..., 0] += weight
-        self.right -= gradient
+    def add_differences(self, stencil: Array, weight: Array, value: Array) -> None:
+        """Add ½ weight (D x + value)², where D is `stencil` (k,) over neighbouring frames.
 
-    def differences(self, stencil: Array, weight: Array, value: Array) -> None:
-        """Add ½ weight (D x)² + weight value (D x), where D is `stencil` (k,) over neighbouring frames.
-
-        `weight` and `value` are (T − k + 1, n).
+        `weight` (broadcast) and `value` are (T − k + 1, n).
         """
-        count = len(weight)
+        count = len(value)
+        pull = weight * value
         for i, a in enumerate(stencil):
-            self.right[i : i + count] -= a * weight * value
+            self.downhill[i : i + count] -= a * pull
             for j, b in enumerate(stencil[: i + 1]):
                 self.band[j : j + count, :, (i - j) * self.size] += a * b * weight
 
@@ -54,6 +48,6 @@ class Equations:
 
         band = self.band[known:].reshape(-1, self.band.shape[-1])  # leading columns are leading unknowns
         band[:, 0] += damping[known:].ravel()
-        right = self.right[known:].ravel()
-        x = solveh_banded(band.T, right, overwrite_ab=True, lower=True, check_finite=False)
+        downhill = self.downhill[known:].ravel()
+        x = solveh_banded(band.T, downhill, overwrite_ab=True, lower=True, check_finite=False)
         return np.concatenate([np.zeros((known, self.size)), x.reshape(-1, self.size)])

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from motiongen.rotation import Array, quat_mul, quat_rotate, quat_to_matrix, rotvec_to_quat
+from motiongen.rotation import Array, cross, quat_mul, quat_rotate, quat_to_matrix, rotvec_to_quat
 
 Indices = NDArray[np.intp]
 
@@ -38,6 +38,10 @@ class Meetings:
     apart: Array
     normal: Array
     place: Array
+
+    def of(self, which: Indices) -> Meetings:
+        """Those at the indices `which`."""
+        return Meetings(*(part[which] for part in (self.frame, self.bodies, self.apart, self.normal, self.place)))
 
 
 @dataclass(frozen=True)
@@ -69,18 +73,21 @@ def poses(tree: Tree, qpos: Array) -> Poses:
     data = mujoco.MjData(model)
     place, turn = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 4))
     axis, anchor = np.empty((frames, model.nv, 3)), np.empty((frames, model.nv, 3))
+    now, wary = data.qpos, bool(model.geom_margin.any())
+    left = data.xpos, data.xquat, data.xaxis[1:], data.xanchor[1:]
+    into = place, turn, axis[:, ROOT_DOFS:], anchor[:, ROOT_DOFS:]
     met = []
-    for frame, q in enumerate(qpos):
-        data.qpos[:] = q
+    for frame in range(frames):
+        now[:] = qpos[frame]
         mujoco.mj_kinematics(model, data)
-        place[frame], turn[frame] = data.xpos, data.xquat
-        axis[frame, ROOT_DOFS:], anchor[frame, ROOT_DOFS:] = data.xaxis[1:], data.xanchor[1:]
-        if model.geom_margin.any():
+        for copy, here in zip(into, left, strict=True):
+            copy[frame] = here
+        if wary:
             mujoco.mj_collision(model, data)
             if data.ncon:
-                found = data.contact
-                bodies, normal = model.geom_bodyid[found.geom], found.frame[:, :3].copy()
-                met.append((np.full(data.ncon, frame), bodies, found.dist.copy(), normal, found.pos.copy()))
+                contacts = data.contact
+                bodies, normal = model.geom_bodyid[contacts.geom], contacts.frame[:, :3].copy()
+                met.append((np.full(data.ncon, frame), bodies, contacts.dist.copy(), normal, contacts.pos.copy()))
     none = (np.zeros(0, int), np.zeros((0, 2), int), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
     meetings = Meetings(*(np.concatenate(part) for part in zip(none, *met, strict=True)))
     root = model.jnt_bodyid[0]
@@ -90,20 +97,14 @@ def poses(tree: Tree, qpos: Array) -> Poses:
     return Poses(place, turn, axis, anchor, meetings)
 
 
-def point_jacobian(at: Poses, points: Array, carried: Array) -> Array:
-    """(T, nv, 3, k) velocities of `points` (T, k, 3), in the world, for a unit rate of each degree of freedom.
-
-    `carried` (k, nv) says which of them move a point: a row of `Tree.carries`, or the difference of two rows for the
-    velocity against a base.
+def velocities(at: Poses, dofs: Indices, points: Array, frames: Indices | slice = slice(None)) -> Array:
+    """(T, n, 3) velocities of `points` (T, n or 1, 3) in the world, each for a unit rate of its degree of freedom of
+    `dofs` (n,), at `frames` (T,) of `at`.
     """
-    axis, anchor = (np.ascontiguousarray(np.moveaxis(part, -1, 0))[..., None] for part in (at.axis, at.anchor))
-    px, py, pz = np.ascontiguousarray(np.moveaxis(points, -1, 0))[:, :, None] - anchor
-    x, y, z = axis * carried.T
-    out = np.empty((*at.axis.shape[:2], 3, points.shape[1]))
-    out[:, :, 0] = y * pz - z * py
-    out[:, :, 1] = z * px - x * pz
-    out[:, :, 2] = x * py - y * px
-    out[:, :3] = np.eye(3)[:, :, None] * carried[:, :3].T[:, None]
+    axis, anchor = at.axis[frames][:, dofs], at.anchor[frames][:, dofs]
+    out = cross(axis, points - anchor)
+    slide = dofs < 3
+    out[:, slide] = axis[:, slide]
     return out
 
 
@@ -118,5 +119,5 @@ def moved(qpos: Array, step: Array) -> Array:
 
 
 def on_body(at: Poses, bodies: Indices, points: Array) -> Array:
-    """(T, k, 3) world positions of `points` (k, 3), each in the frame of its body of `bodies` (k,)."""
+    """(T, k, 3) world positions of `points` (k, 3) or (T, k, 3), each in the frame of its body of `bodies` (k,)."""
     return at.place[:, bodies] + quat_rotate(at.turn[:, bodies], points)

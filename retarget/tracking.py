@@ -7,134 +7,125 @@ of the squared error as it is, since it keeps the vector itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
-from retarget.banded import Equations
 from retarget.goals import Goal
-from retarget.kinematics import Indices, Poses, Tree, on_body, point_jacobian
+from retarget.kinematics import Indices, Poses, Tree, on_body, velocities
 from retarget.rest import is_site
 from retarget.rig import Rig
 
 
 @dataclass(frozen=True)
-class Mounted:
-    """k frames fixed to bodies: `body` (k,), and in that body's frame `spot` (k, 3) and `turn` (k, 4)."""
+class Places:
+    """k points and where they should be over T frames: `spot` (k, 3) of `body` (k,) at `place` (T, k, 3) of `base`
+    (k,), each in its body's frame; `weight` (T, k) weighs squared distances, in 1/m².
+    """
 
     body: Indices
     spot: Array
-    turn: Array
+    base: Indices
+    place: Array
+    weight: Array
 
-    def of(self, which: Indices) -> Mounted:
-        """Those at the indices `which`."""
-        return Mounted(self.body[which], self.spot[which], self.turn[which])
-
-    def places(self, at: Poses) -> Array:
-        """World positions (T, k, 3)."""
-        return on_body(at, self.body, self.spot)
-
-    def turns(self, at: Poses) -> Array:
-        """World orientations (T, k, 4)."""
-        return quat_mul(at.turn[:, self.body], self.turn)
+    def at(self, frames: slice) -> Places:
+        """The same over some of the frames."""
+        return replace(self, place=self.place[frames], weight=self.weight[frames])
 
 
 @dataclass(frozen=True)
-class Targets:
-    """`follower` should be at `place` (T, k, 3), turned by `turn` (T, k, 4), as seen from `base` (the world is one).
-
-    `position` and `rotation` (T, k) weigh squared errors, in 1/m² and 1/rad².
+class Turns:
+    """k bodies and how they should be turned: `body` (k,) by `turn` (T, k, 4) as seen from `base` (k,); `weight` (T, k)
+    weighs squared angles, in 1/rad².
     """
 
-    follower: Mounted
-    base: Mounted
-    place: Array
+    body: Indices
+    base: Indices
     turn: Array
-    position: Array
-    rotation: Array
+    weight: Array
 
-    def at(self, frames: slice) -> Targets:
+    def at(self, frames: slice) -> Turns:
         """The same over some of the frames."""
-        rows = (part[frames] for part in (self.place, self.turn, self.position, self.rotation))
-        return Targets(self.follower, self.base, *rows)
+        return replace(self, turn=self.turn[frames], weight=self.weight[frames])
 
 
-def targets_of(goals: list[Goal], rig: Rig, model: mujoco.MjModel) -> Targets:
-    """`goals` as arrays; positions count in units of the rig's nominal root height, so that weights mean the same."""
-    bases = [next((f.body for f in rig.follow if f.human == g.base), rig.root) if g.base else "world" for g in goals]
-    firm = np.stack([g.firm for g in goals], axis=1)
-    return Targets(
-        _mounted([g.follow.body for g in goals], model),
-        _mounted(bases, model),
-        np.stack([g.pos for g in goals], axis=1),
-        np.stack([g.quat for g in goals], axis=1),
-        (firm * [g.follow.position / rig.nominal.height for g in goals]) ** 2,
-        (firm * [g.follow.rotation for g in goals]) ** 2,
+def targets_of(goals: list[Goal], rig: Rig, model: mujoco.MjModel) -> tuple[Places, Turns]:
+    """What `goals` weigh, as arrays. Distances count in units of the rig's nominal root height, so that weights mean the
+    same on every size.
+    """
+    body, spot, own = (np.array(part) for part in zip(*(_frame(g.follow.body, model) for g in goals), strict=True))
+    base, origin, way = (np.array(part) for part in zip(*(_frame(_base(g, rig), model) for g in goals), strict=True))
+    pos, quat, firm = (np.stack([getattr(g, part) for g in goals], axis=1) for part in ("pos", "quat", "firm"))
+    position, rotation = np.array([[g.follow.position, g.follow.rotation] for g in goals]).T
+    place = origin + quat_rotate(way, pos)
+    turn = quat_mul(quat_mul(way, quat), quat_conj(own))
+    held, faced = np.flatnonzero(position), np.flatnonzero(rotation)
+    near, alike = (firm * position / rig.nominal.height) ** 2, (firm * rotation) ** 2
+    return (
+        Places(body[held], spot[held], base[held], place[:, held], near[:, held]),
+        Turns(body[faced], base[faced], turn[:, faced], alike[:, faced]),
     )
 
 
-def _mounted(names: list[str], model: mujoco.MjModel) -> Mounted:
-    body, spot, turn = np.empty(len(names), int), np.zeros((len(names), 3)), np.tile([1.0, 0, 0, 0], (len(names), 1))
-    for i, name in enumerate(names):
-        if is_site(model, name):
-            site = model.site(name)
-            body[i], spot[i], turn[i] = site.bodyid[0], site.pos, site.quat
-        else:
-            body[i] = model.body(name).id
-    return Mounted(body, spot, turn)
+def _frame(name: str, model: mujoco.MjModel) -> tuple[int, Array, Array]:
+    """The body that the site or body `name` belongs to, and the site's place (3,) and turn (4,) there."""
+    if is_site(model, name):
+        site = model.site(name)
+        return int(site.bodyid[0]), site.pos, site.quat
+    return model.body(name).id, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def errors(targets: Targets, at: Poses) -> tuple[Array, Array]:
-    """(T, k, 3) metres and (T, k, 3) radians, from the goals to where the followers are; 0 where nothing is weighed."""
-    off, turned = np.zeros_like(targets.place), np.zeros_like(targets.place)
-    held, faced = _weighed(targets.position), _weighed(targets.rotation)
-    base = targets.base.of(held)
-    off[:, held] = targets.follower.of(held).places(at) - base.places(at)
-    off[:, held] -= quat_rotate(base.turns(at), targets.place[:, held])
-    wanted = quat_mul(targets.base.of(faced).turns(at), targets.turn[:, faced])
-    turned[:, faced] = quat_to_rotvec(quat_mul(targets.follower.of(faced).turns(at), quat_conj(wanted)))
-    return off, turned
+def _base(goal: Goal, rig: Rig) -> str:
+    return next((f.body for f in rig.follow if f.human == goal.base), rig.root) if goal.base else "world"
 
 
-def _weighed(weights: Array) -> Indices:
-    return np.flatnonzero(weights.any(0))
+def distances(places: Places, at: Poses) -> Array:
+    """(T, k, 3) metres in the world, from where the points should be to where they are."""
+    return on_body(at, places.body, places.spot) - on_body(at, places.base, places.place)
 
 
-def add_tracking(out: Equations, tree: Tree, targets: Targets, at: Poses, off: Array, turned: Array) -> None:
-    """Add to `out` the squared errors `off` and `turned` (T, k, 3) of the followers, linear in the step."""
-    carried = tree.carries[targets.follower.body] - tree.carries[targets.base.body]
-    tracked = _weighed(targets.position)
-    points = targets.follower.of(tracked).places(at)
-    root = np.sqrt(targets.position[:, None, tracked])
-    slide = point_jacobian(at, points, carried[tracked]) * root[:, None]
-    slide = slide.reshape(*slide.shape[:2], -1)
-    blocks = slide @ slide.swapaxes(1, 2)
-    gradient = (slide @ (off[:, tracked].swapaxes(1, 2) * root).reshape(len(off), -1, 1))[..., 0]
+def angles(turns: Turns, at: Poses) -> Array:
+    """(T, k, 3) rotation vectors in the world, from how the bodies should be turned to how they are."""
+    wanted = quat_mul(at.turn[:, turns.base], turns.turn)
+    return quat_to_rotvec(quat_mul(at.turn[:, turns.body], quat_conj(wanted)))
 
+
+def curved_by_places(tree: Tree, places: Places, at: Poses, off: Array) -> tuple[Array, Array]:
+    """Curvature (T, nv, nv) and gradient (T, nv) of half the weighted squares of `off`, as `distances` gives it."""
+    dofs, point = np.nonzero((tree.carries[places.body] - tree.carries[places.base]).T)
+    root = np.sqrt(places.weight)[..., None]
+    rows = np.zeros((len(off), tree.model.nv, *off.shape[1:]))
+    points = on_body(at, places.body, places.spot)
+    rows[:, dofs, point] = velocities(at, dofs, points[:, point]) * root[:, point]
+    rows = rows.reshape(*rows.shape[:2], -1)
+    return rows @ rows.swapaxes(1, 2), (rows @ (root * off).reshape(len(off), -1, 1))[..., 0]
+
+
+def curved_by_turns(tree: Tree, turns: Turns, at: Poses, off: Array) -> tuple[Array, Array]:
+    """Curvature (T, nv, nv) and gradient (T, nv) of half the weighted squares of `off`, as `angles` gives it."""
+    carried = tree.carries[turns.body] - tree.carries[turns.base]
+    both = carried[:, :, None] * carried[:, None, :]
     spin = at.axis.copy()
     spin[:, :3] = 0.0
-    both = carried[:, :, None] * carried[:, None, :]
-    shared = (targets.rotation @ both.reshape(len(both), -1)).reshape(blocks.shape)
-    blocks += shared * (spin @ spin.swapaxes(1, 2))
-    gradient += ((carried.T @ (targets.rotation[..., None] * turned)) * spin).sum(-1)
-    out.blocks(blocks)
-    out.diagonal(np.zeros_like(gradient), gradient)
+    shared = (turns.weight @ both.reshape(len(both), -1)).reshape(len(off), *both.shape[1:])
+    gradient = ((carried.T @ (turns.weight[..., None] * off)) * spin).sum(-1)
+    return shared * (spin @ spin.swapaxes(1, 2)), gradient
 
 
-def add_meetings(out: Equations, tree: Tree, at: Poses, near: Array, stiff: float) -> None:
-    """Add springs of `stiff` 1/m² that push bodies apart where they meet, by `near` (n,) metres (below 0) too close."""
-    met = at.meetings
-    axis, anchor = at.axis[met.frame], at.anchor[met.frame]
-    velocity = np.cross(axis, met.place[:, None] - anchor)
-    velocity[:, :3] = axis[:, :3]
-    rows = (velocity @ met.normal[..., None])[..., 0] * (
-        tree.carries[met.bodies[:, 1]] - tree.carries[met.bodies[:, 0]]
-    )
-    rows *= (near < 0)[:, None]
-    blocks, gradient = np.zeros((len(at.axis), rows.shape[1], rows.shape[1])), np.zeros((len(at.axis), rows.shape[1]))
-    np.add.at(blocks, met.frame, stiff * rows[:, :, None] * rows[:, None])
-    np.add.at(gradient, met.frame, stiff * near[:, None] * rows)
-    out.blocks(blocks)
-    out.diagonal(np.zeros_like(gradient), gradient)
+def add_springs(curvature: Array, gradient: Array, frame: Indices, rows: Array, pull: Array, stiff: float) -> None:
+    """Add ½ `stiff` (row · x + pull)² for each of n `rows` (n, nv) and `pull` (n,), in the order of their `frame` (n,),
+    to the curvature (T, nv, nv) and the gradient (T, nv) of their frames.
+    """
+    if not len(frame):
+        return
+    those, first, count = np.unique(frame, return_index=True, return_counts=True)
+    group, slot = np.repeat(np.arange(len(those)), count), np.arange(len(frame)) - np.repeat(first, count)
+    dense = np.zeros((len(those), gradient.shape[1], count.max()))
+    dense[group, :, slot] = rows
+    curvature[those] += stiff * dense @ dense.swapaxes(1, 2)
+    forces = np.zeros((len(those), count.max(), 1))
+    forces[group, slot, 0] = pull
+    gradient[those] += stiff * (dense @ forces)[..., 0]
