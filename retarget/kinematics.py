@@ -73,15 +73,13 @@ def poses(tree: Tree, qpos: Array) -> Poses:
     data = mujoco.MjData(model)
     place, turn = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 4))
     axis, anchor = np.empty((frames, model.nv, 3)), np.empty((frames, model.nv, 3))
-    now, wary = data.qpos, bool(model.geom_margin.any())
-    left = data.xpos, data.xquat, data.xaxis[1:], data.xanchor[1:]
-    into = place, turn, axis[:, ROOT_DOFS:], anchor[:, ROOT_DOFS:]
-    met = []
+    wary, met = bool(model.geom_margin.any()), []
+    now, xpos, xquat, xaxis, xanchor = data.qpos, data.xpos, data.xquat, data.xaxis[1:], data.xanchor[1:]
     for frame in range(frames):
         now[:] = qpos[frame]
         mujoco.mj_kinematics(model, data)
-        for copy, here in zip(into, left, strict=True):
-            copy[frame] = here
+        place[frame], turn[frame] = xpos, xquat
+        axis[frame, ROOT_DOFS:], anchor[frame, ROOT_DOFS:] = xaxis, xanchor
         if wary:
             mujoco.mj_collision(model, data)
             if data.ncon:

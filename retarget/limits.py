@@ -14,6 +14,8 @@ def within(angles: Array, reach: Array, stride: Array) -> Array:
     extensions): where they already keep to it, they stay.
     """
     high = np.clip(angles, *reach)
+    if (np.abs(np.diff(high, axis=0)) <= stride).all():
+        return high
     low = high.copy()
     for order in (range(1, len(angles)), range(len(angles) - 2, -1, -1)):
         for t in order:

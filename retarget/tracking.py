@@ -53,8 +53,8 @@ class Turns:
 
 
 def targets_of(goals: list[Goal], rig: Rig, model: mujoco.MjModel) -> tuple[Places, Turns]:
-    """What `goals` weigh, as arrays. Distances count in units of the rig's nominal root height, so that weights mean the
-    same on every size.
+    """What `goals` weigh, as arrays; distances in units of the rig's nominal root height, so that weights mean the same
+    on every size.
     """
     body, spot, own = (np.array(part) for part in zip(*(_frame(g.follow.body, model) for g in goals), strict=True))
     base, origin, way = (np.array(part) for part in zip(*(_frame(_base(g, rig), model) for g in goals), strict=True))

@@ -42,11 +42,11 @@ STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, 
 SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `within` cuts off
 FIRM = 100.0  # times its weight, a planted foot's goal
 COARSE = 0.1  # s between the frames of the first, coarse solution, which finds the way
-COARSE_STEPS, FINE_STEPS = 30, 8  # at most
+COARSE_STEPS, FINE_STEPS = 30, 3  # at most
 GAIN = 0.02  # a step that gains a smaller share of the cost is the last
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
-DAMPING = 1e-2
+DAMPING = 1e-4
 WINDOW, OVERLAP = 20.0, 1.0  # s solved at once, which bounds the memory, and thrown away where the next one takes over
 
 
@@ -194,7 +194,7 @@ def _solved(problem: Problem, qpos: Array, steps: int) -> Array:
         qpos[:, 7:] = np.clip(qpos[:, 7:], *problem.reach)
         tried = _state(problem, qpos)
         if tried.cost > state.cost:
-            damping *= 100
+            damping *= 30
             continue
         gain, state, damping = state.cost - tried.cost, tried, max(damping / 10, DAMPING)
         if gain < GAIN * state.cost:

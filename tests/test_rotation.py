@@ -26,6 +26,7 @@ def test_product_and_rotation(turns: Rotation) -> None:
     v = np.random.default_rng(1).normal(size=(500, 3))
     assert same(r.quat_mul(q[:250], q[250:]), wxyz(turns[:250] * turns[250:])).all()
     assert np.allclose(r.quat_rotate(q, v), turns.apply(v), atol=1e-12)
+    assert (r.cross(q[:, None, 1:], v) == np.cross(q[:, None, 1:], v)).all()
     assert same(r.quat_conj(q), wxyz(turns.inv())).all()
 
 

@@ -16,13 +16,13 @@ from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_
 from retarget.banded import FIRST, THIRD, Equations
 from retarget.contacts import planted, runs
 from retarget.goals import Goal
-from retarget.kinematics import moved, on_body, point_jacobian, poses, tree_of
+from retarget.kinematics import moved, on_body, poses, tree_of, velocities
 from retarget.limits import within
 from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
 from retarget.rig import Follow, Rig, load_rig
-from retarget.tracking import add_tracking, errors, targets_of
+from retarget.tracking import add_springs, angles, curved_by_places, curved_by_turns, distances, targets_of
 from retarget.whole import solve
 
 FPS = 50.0
@@ -76,7 +76,6 @@ def test_jacobians_are_mujoco_s(name: str) -> None:
     spots = np.random.default_rng(2).normal(size=(len(bodies), 3))
     at = poses(tree, qpos)
     points = on_body(at, bodies, spots)
-    found = point_jacobian(at, points, tree.carries[bodies])
     data, wanted = mujoco.MjData(model), np.empty((3, model.nv))
     for frame, q in enumerate(qpos):
         data.qpos[:] = q
@@ -84,7 +83,8 @@ def test_jacobians_are_mujoco_s(name: str) -> None:
         mujoco.mj_comPos(model, data)
         for i, body in enumerate(bodies):
             mujoco.mj_jac(model, data, wanted, None, points[frame, i], body)
-            assert np.abs(found[frame, :, :, i].T - wanted).max() < 1e-10
+            found = velocities(at, np.arange(model.nv), points[:, i, None])[frame] * tree.carries[body][:, None]
+            assert np.abs(found.T - wanted).max() < 1e-10
 
 
 def test_steps_are_mujoco_s() -> None:
@@ -104,38 +104,48 @@ def test_the_gradient_is_that_of_finite_differences(base: str) -> None:
     model = load_model(rig)
     tree = tree_of(model)
     goals = goals_from(wandering(rig, 0.1, 5), model, {"left_wrist": "left_forearm", "left_ankle": "left_foot"}, base)
-    targets = targets_of(list(goals.values()), rig, model)
+    places, turns = targets_of(list(goals.values()), rig, model)
     qpos = wandering(rig, 0.1, 6)
 
     def cost(q: Array) -> Array:
-        off, turned = errors(targets, poses(tree, q))
-        squares = (targets.position * (off**2).sum(-1)).sum(1) + (targets.rotation * (turned**2).sum(-1)).sum(1)
-        return squares / 2
+        off, turned = distances(places, poses(tree, q)), angles(turns, poses(tree, q))
+        return ((places.weight * (off**2).sum(-1)).sum(1) + (turns.weight * (turned**2).sum(-1)).sum(1)) / 2
 
-    out = Equations(len(qpos), model.nv)
     at = poses(tree, qpos)
-    add_tracking(out, tree, targets, at, *errors(targets, at))
+    _, found = curved_by_places(tree, places, at, distances(places, at))
+    found = found + curved_by_turns(tree, turns, at, angles(turns, at))[1]
     for dof in range(model.nv):
         nudge = np.zeros((len(qpos), model.nv))
         nudge[:, dof] = 1e-6
         wanted = (cost(moved(qpos, nudge)) - cost(moved(qpos, -nudge))) / 2e-6
-        assert -out.right[:, dof] == pytest.approx(wanted, abs=1e-6)
+        assert found[:, dof] == pytest.approx(wanted, abs=1e-6)
+
+
+def test_springs_add_up_frame_by_frame() -> None:
+    rng = np.random.default_rng(10)
+    frame, rows, pull = np.array([0, 2, 2, 2, 5]), rng.normal(size=(5, 4)), rng.normal(size=5)
+    curvature, gradient = np.ones((6, 4, 4)), np.ones((6, 4))
+    add_springs(curvature, gradient, frame, rows, pull, 3.0)
+    for t in range(6):
+        mine = frame == t
+        assert curvature[t] == pytest.approx(1 + 3 * rows[mine].T @ rows[mine])
+        assert gradient[t] == pytest.approx(1 + 3 * rows[mine].T @ pull[mine])
 
 
 def test_banded_equations_are_the_dense_ones() -> None:
     frames, size, known = 9, 3, 2
     rng = np.random.default_rng(7)
-    out = Equations(frames, size)
     dense, right = np.zeros((frames * size,) * 2), np.zeros(frames * size)
-    half = rng.normal(size=(frames, size, 5))
-    out.blocks(half @ half.swapaxes(1, 2))
+    half, gradient = rng.normal(size=(frames, size, 5)), rng.normal(size=(frames, size))
+    out = Equations(half @ half.swapaxes(1, 2), gradient)
     for t, block in enumerate(half):
         rows = slice(t * size, (t + 1) * size)
         dense[rows, rows] += block @ block.T
+        right[rows] -= gradient[t]
     for stencil in (FIRST, THIRD):
         count = frames - len(stencil) + 1
         weight, value = rng.uniform(1, 2, (count, size)), rng.normal(size=(count, size))
-        out.differences(stencil, weight, value)
+        out.add_differences(stencil, weight, value)
         for t in range(count):
             for i in range(size):
                 row = np.zeros(frames * size)
