@@ -2,23 +2,29 @@
 
     python benchmarks/retargeting.py [--quick] [--json] [--gate] [RIG ...]
 
-Clips are gestures, which need no data. Times are of the solving alone, in seconds of processor time.
+Clips are gestures, which need no data, and with RIGCAST_MOTION_DATA captured ones. Times are of the solving alone, in
+seconds of processor time.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import time
+import tracemalloc
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
+from pathlib import Path
 
 import mujoco
 import numpy as np
 from lines import Line, gate, text
 from per_frame import per_frame
 
+from motiongen.formats.reading import read_motion
 from motiongen.gestures.catalogue import gestures, perform
 from motiongen.motion import Motion
 from motiongen.rotation import Array
@@ -28,12 +34,16 @@ from retarget.kinematics import Tree, on_body, poses, tree_of
 from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
-from retarget.rig import Rig, load_rig
+from retarget.rig import Rig, RigError, load_rig
 from retarget.tracking import angles, distances, targets_of
 from retarget.whole import solve
 
-RIGS = ("puppet", "humanoid")
+RIGS = ("puppet", "humanoid", "unitree_g1", "robotis_op3")  # those that are here
 CLIPS, QUICK_CLIPS = 20, 3
+LENGTHS, QUICK_LENGTHS = (10, 60, 600), (10, 30)  # s
+CAPTURED = 100  # clips of each data set
+WORST = 5
+SOUND = 1e-3  # m that a planted foot may move where the solution has converged
 FPS = 50.0
 ROUNDING = 1e-6  # rad
 
@@ -70,6 +80,20 @@ def clips_of(rig: Rig, model: mujoco.MjModel, count: int) -> list[Clip]:
 def _clip(motion: Motion, rig: Rig, model: mujoco.MjModel) -> Clip:
     stance = planted(motion)
     return Clip(floor_goals(motion, rig, rest_of(rig, model), stance), stance)
+
+
+def long(clip: Clip, seconds: float) -> Clip:
+    """`clip` to and fro for `seconds`."""
+    count = round(seconds * FPS)
+
+    def tiled(values: Array) -> Array:
+        both = np.concatenate([values, values[::-1]])
+        return both[np.arange(count) % len(both)]
+
+    goals = {
+        name: replace(g, pos=tiled(g.pos), quat=tiled(g.quat), firm=tiled(g.firm)) for name, g in clip.goals.items()
+    }
+    return Clip(goals, {foot: tiled(flags) for foot, flags in clip.stance.items()})
 
 
 def timed(method: Callable[[Clip], Array], clips: list[Clip]) -> tuple[list[Array], float]:
@@ -116,37 +140,87 @@ def _measured(rig: Rig, tree: Tree, clip: Clip, qpos: Array) -> dict[str, float]
     }
 
 
-def compared(name: str, count: int) -> tuple[dict[str, Figures], list[Line]]:
+def compared(rig: Rig, model: mujoco.MjModel, clips: list[Clip]) -> tuple[dict[str, Figures], list[Line]]:
     """Both methods on one rig, and what is held to a target."""
-    rig = load_rig(name)
-    model = load_model(rig)
-    tree = tree_of(model)
-    clips = clips_of(rig, model, count)
-    start = np.array([0, 0, rig.nominal.height, 1, 0, 0, 0, *rig.pose_vector(rig.nominal)], float)
-    calls: list[int] = []
+    tree, calls = tree_of(model), []
 
     def frame_by_frame(clip: Clip) -> Array:
-        out = per_frame(rig, model, clip.goals, start)
+        out = per_frame(rig, model, clip.goals, nominal(rig))
         calls.append(out.calls)
         return out.qpos
 
-    def at_once(clip: Clip) -> Array:
-        return solve(rig, model, clip.goals, start, FPS, fixed_root=False, planted=clip.stance)
-
     slow = figures(rig, tree, clips, *timed(frame_by_frame, clips))
-    fast = figures(rig, tree, clips, *timed(at_once, clips))
+    fast = figures(rig, tree, clips, *timed(partial(at_once, rig, model), clips))
     frames = sum(len(clip.goals["pelvis"].pos) for clip in clips)
     per_call = sum(calls[1:]) / frames * slow.frames_per_s  # mink.solve_ik calls a second
+    held = bound(slow)
     lines = [
-        Line(name, "frames/s over per-frame", fast.frames_per_s / slow.frames_per_s, 5.0, True),
-        Line(name, "time of a frame over one mink.solve_ik", per_call / fast.frames_per_s, 2.0, False),
-        Line(name, "position error over per-frame's × 1.1 + 5 mm", fast.position_m / bound(slow), 1.0, False),
-        Line(name, "skate over per-frame's", ratio(fast.skate_m_per_s, slow.skate_m_per_s), 0.1, False),
-        Line(name, "jerk over per-frame's", ratio(fast.jerk_rad_per_s3, slow.jerk_rad_per_s3), 1 / 3, False),
-        Line(name, "samples beyond a joint's range or speed", fast.over_range + fast.over_speed, 0.0, False),
+        Line(rig.name, "frames/s over per-frame", fast.frames_per_s / slow.frames_per_s, 5.0, True),
+        Line(rig.name, "time of a frame over one mink.solve_ik", per_call / fast.frames_per_s, 2.0, False),
+        Line(rig.name, "position error over per-frame's × 1.1 + 5 mm", fast.position_m / held, 1.0, False),
+        Line(rig.name, "skate over per-frame's", ratio(fast.skate_m_per_s, slow.skate_m_per_s), 0.1, False),
+        Line(rig.name, "jerk over per-frame's", ratio(fast.jerk_rad_per_s3, slow.jerk_rad_per_s3), 1 / 3, False),
+        Line(rig.name, "a planted foot moves by, m", fast.planted_moves_m, SOUND, False),
+        Line(rig.name, "samples beyond a joint's range or speed", fast.over_range + fast.over_speed, 0.0, False),
     ]
-    print(f"{name}: {len(clips)} clips, {frames} frames, {sum(calls[1:]) / frames:.1f} mink.solve_ik a frame")
+    print(f"{rig.name}: {len(clips)} clips, {frames} frames, {sum(calls[1:]) / frames:.1f} mink.solve_ik a frame")
     return {"per frame": slow, "whole": fast}, lines
+
+
+def by_length(rig: Rig, model: mujoco.MjModel, clip: Clip, lengths: tuple[int, ...]) -> list[Line]:
+    """Cost and memory against length: prints the table."""
+    costs = []
+    for seconds in lengths:
+        asked = long(clip, seconds)
+        _, rate = timed(partial(at_once, rig, model), [asked])
+        tracemalloc.start()
+        at_once(rig, model, asked)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        costs.append(1 / rate)
+        print(f"  {seconds:>5} s   {1e3 / rate:.3f} ms a frame   {most / 2**20:.0f} MiB at most")
+    grown = costs[-1] / costs[0]
+    return [
+        Line(rig.name, f"time of a frame of {lengths[-1]} s over that of {lengths[0]} s", grown, 1.25, False),
+        Line(rig.name, f"memory for {lengths[-1]} s, MiB", most / 2**20, 1024.0, False),
+    ]
+
+
+def captured(rig: Rig, model: mujoco.MjModel, folder: Path, count: int) -> list[Line]:
+    """`count` clips of each data set, evenly through it: how many converged, and the worst by name."""
+    tree, found = tree_of(model), []
+    for data_set in sorted(p for p in folder.iterdir() if p.is_dir()):
+        files = sorted(data_set.rglob("*.bvh"))
+        for file in (files[i] for i in np.unique(np.linspace(0, len(files) - 1, count).astype(int)) if files):
+            motion = read_motion(file).resampled(FPS)
+            clip = _clip(motion, rig, model)
+            found.append((_measured(rig, tree, clip, at_once(rig, model, clip)), file.relative_to(folder)))
+    found.sort(key=lambda pair: -pair[0]["position_m"])
+    sound = [row["planted_moves_m"] < SOUND and not row["over_range"] + row["over_speed"] for row, _ in found]
+    print(f"{rig.name}: {len(found)} captured clips, the worst by position error:")
+    for row, file in found[:WORST]:
+        print(f"  {1e3 * row['position_m']:.1f} mm, planted feet move {1e3 * row['planted_moves_m']:.2f} mm   {file}")
+    return [Line(rig.name, f"share of {len(found)} captured clips that converge", float(np.mean(sound)), 1.0, True)]
+
+
+def at_once(rig: Rig, model: mujoco.MjModel, clip: Clip) -> Array:
+    return solve(rig, model, clip.goals, nominal(rig), FPS, fixed_root=False, planted=clip.stance)
+
+
+def nominal(rig: Rig) -> Array:
+    return np.array([0, 0, rig.nominal.height, 1, 0, 0, 0, *rig.pose_vector(rig.nominal)], float)
+
+
+def here(names: list[str]) -> list[tuple[Rig, mujoco.MjModel]]:
+    """The rigs of `names` whose models are on this machine; says which are not."""
+    out = []
+    for name in names:
+        try:
+            rig = load_rig(name)
+            out.append((rig, load_model(rig)))
+        except RigError as problem:
+            print(f"{name} is left out: {problem}")
+    return out
 
 
 def bound(slow: Figures) -> float:
@@ -166,12 +240,17 @@ def main() -> int:
     asked = parser.parse_args()
     lines: list[Line] = []
     tables: dict[str, dict[str, Figures]] = {}
-    for name in asked.rigs:
-        tables[name], held = compared(name, QUICK_CLIPS if asked.quick else CLIPS)
+    data = os.environ.get("RIGCAST_MOTION_DATA")
+    for rig, model in here(asked.rigs):
+        clips = clips_of(rig, model, QUICK_CLIPS if asked.quick else CLIPS)
+        tables[rig.name], held = compared(rig, model, clips)
         lines += held
         for figure in fields(Figures):
-            row = [f"{getattr(found, figure.name):>12.4g}" for found in tables[name].values()]
+            row = [f"{getattr(found, figure.name):>12.4g}" for found in tables[rig.name].values()]
             print(f"  {figure.name:<18}{''.join(row)}")
+        lines += by_length(rig, model, clips[1], QUICK_LENGTHS if asked.quick else LENGTHS)
+        if data and not asked.quick:
+            lines += captured(rig, model, Path(data).expanduser(), CAPTURED)
     for line in lines:
         print(text(line))
     if asked.json:

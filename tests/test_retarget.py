@@ -88,7 +88,7 @@ def test_joint_limits_and_velocities_hold_in_every_frame(rig: str, clip: str) ->
 def test_flailing_does_reach_the_velocity_limit() -> None:
     speed = np.abs(np.diff(done("puppet", "flail").joint_pos, axis=0)).max(0) * 50
     limits = np.array([j.velocity for j in load_rig("puppet").joints])
-    assert (speed > 0.95 * limits).sum() >= 4
+    assert (speed > 0.95 * limits).sum() >= 2
 
 
 @pytest.mark.parametrize("rig", RIGS)

@@ -243,7 +243,7 @@ def test_windows_join_without_a_seam(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, _, _ = stood(rig, clip)
     monkeypatch.setattr("retarget.whole.WINDOW", 1.0)
     pieces, soles, stance = stood(rig, clip)
-    assert np.abs(pieces - whole).max() < 0.02
+    assert np.abs(pieces - whole).max() < 0.05
     third = [np.abs(np.diff(q[:, 7:], n=3, axis=0)).max() for q in (pieces, whole)]
     assert third[0] < 1.2 * third[1]
     moved_by = [np.ptp(soles[foot][start:end], axis=0).max() for foot in soles for start, end in runs(stance[foot])]
