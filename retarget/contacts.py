@@ -25,12 +25,12 @@ SHORTEST = 0.1  # s
 def supported(motion: Motion) -> Flags:
     """(T,) booleans: some foot joint is no more than SUPPORT_HEIGHT above where it is on a flat sole."""
     height = _above(motion, _feet(motion))
-    return height.min(1) - _floor(height) < SUPPORT_HEIGHT
+    return height.min(1) - _floor(motion) < SUPPORT_HEIGHT
 
 
 def pelvis_height(motion: Motion) -> Array:
     """(T,) metres of the pelvis above the floor of the clip (`_floor`)."""
-    return motion.root_pos[:, 2] - _floor(_above(motion, _feet(motion)))
+    return motion.root_pos[:, 2] - _floor(motion)
 
 
 def planted(motion: Motion) -> dict[str, Flags]:
@@ -68,7 +68,7 @@ def _touching(motion: Motion) -> Flags:
     if len(motion) > 1:
         speed = np.linalg.norm(np.gradient(feet, 1 / motion.fps, axis=0), axis=-1)
     height = _above(motion, feet)
-    height -= _floor(height)
+    height -= _floor(motion)
     touch = (speed < CONTACT_SPEED) & (height < STAND_HEIGHT)
     keep = (speed < RELEASE * CONTACT_SPEED) & (height < RELEASE * STAND_HEIGHT)
     for t in range(1, len(touch)):
@@ -76,9 +76,10 @@ def _touching(motion: Motion) -> Flags:
     return touch
 
 
-def _floor(height: Array) -> float:
-    """Where the lowest joint is in the lowest twentieth of the frames: a jump does not move it."""
-    return float(np.percentile(height.min(1), 5))
+def _floor(motion: Motion) -> float:
+    """Where the lowest joint is in the lowest twentieth of the frames: a jump does not move it, nor a handstand."""
+    feet = _above(motion, _feet(motion)).min(1)
+    return float(np.percentile(np.minimum(feet, motion.positions()[..., 2].min(1)), 5))
 
 
 def _without_short(flags: Flags, shortest: int, *, inner: bool) -> Flags:

@@ -41,7 +41,7 @@ class Meetings:
 
     def of(self, which: Indices) -> Meetings:
         """Those at the indices `which`."""
-        return Meetings(*(part[which] for part in (self.frame, self.bodies, self.apart, self.normal, self.place)))
+        return Meetings(self.frame[which], self.bodies[which], self.apart[which], self.normal[which], self.place[which])
 
 
 @dataclass(frozen=True)

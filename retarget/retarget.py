@@ -12,6 +12,7 @@ from motiongen.rotation import Array, quat_continuous, quat_normalize, yaw_of_qu
 from retarget.contacts import Flags, pelvis_height, planted, supported
 from retarget.feet import flattened, pinned, riding_height
 from retarget.goals import ROOT, Goal, goals, leg_scale, root_goal
+from retarget.kinematics import on_body, poses, tree_of
 from retarget.model import load_model
 from retarget.rest import Rest, rest_of
 from retarget.rig import MOUNTS, Mount, Rig
@@ -120,15 +121,12 @@ def _shown(flags: Flags, timeline: Timeline) -> Flags:
 
 def _lift(qpos: Array, down: Flags, timeline: Timeline, rig: Rig, model: mujoco.MjModel) -> Array:
     """(T,) metres by which the root must rise: the lowest sole touches where somebody stands (`down`) or the rig eases,
-    and is never below the floor.
+    and neither it nor any body is ever below the floor.
     """
-    data = mujoco.MjData(model)
-    sites = [model.site(site).id for foot in rig.feet for site in foot.sites]
-    low = np.zeros(len(qpos))
-    for frame, q in enumerate(qpos):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        low[frame] = data.site_xpos[sites, 2].min()
+    at = poses(tree_of(model), qpos)
+    sites = [model.site(site) for foot in rig.feet for site in foot.sites]
+    soles = on_body(at, np.array([s.bodyid[0] for s in sites]), np.array([s.pos for s in sites]))
+    low = np.minimum(soles[..., 2].min(1), at.place[:, 1:, 2].min(1))
     down = down.copy()
     down[: timeline.lead] = down[len(qpos) - timeline.tail :] = True
     return np.where(down, -low, np.maximum(-low, 0.0))
