@@ -35,7 +35,7 @@ from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
 from retarget.rig import Rig, RigError, load_rig
-from retarget.tracking import angles, distances, targets_of
+from retarget.tracking import angles, reached, targets_of
 from retarget.whole import solve
 
 RIGS = ("puppet", "humanoid", "unitree_g1", "robotis_op3")  # those that are here
@@ -127,7 +127,7 @@ def _measured(rig: Rig, tree: Tree, clip: Clip, qpos: Array) -> dict[str, float]
         moves.append(float(step.sum(0).max(initial=0.0)))
     limits = rig.joints
     return {
-        "position_m": float(np.linalg.norm(distances(places, at), axis=-1).mean()),
+        "position_m": float(np.linalg.norm(reached(places, at)[1], axis=-1).mean()),
         "rotation_rad": float(np.linalg.norm(angles(turns, at), axis=-1).mean()),
         "skate_m_per_s": float(np.mean(skate)) if skate else 0.0,
         "planted_moves_m": max(moves),

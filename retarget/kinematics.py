@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from motiongen.rotation import Array, cross, quat_mul, quat_rotate, quat_to_matrix, rotvec_to_quat
+from motiongen.rotation import Array, cross, quat_mul, rotvec_to_quat
 
 Indices = NDArray[np.intp]
 
@@ -46,12 +46,14 @@ class Meetings:
 
 @dataclass(frozen=True)
 class Poses:
-    """World poses over T frames: `place` (T, nbody, 3) and `turn` (T, nbody, 4) of the bodies; `axis` and `anchor`
-    (T, nv, 3) of the degrees of freedom, of which the first three slide and the others turn; `meetings` of bodies.
+    """World poses over T frames: `place` (T, nbody, 3) and `turn` (T, nbody, 4) of the bodies, `matrix` (T, nbody, 3,
+    3) the same turn; `axis` and `anchor` (T, nv, 3) of the degrees of freedom, of which the first three slide and the
+    others turn; `meetings` of bodies.
     """
 
     place: Array
     turn: Array
+    matrix: Array
     axis: Array
     anchor: Array
     meetings: Meetings
@@ -72,13 +74,21 @@ def poses(tree: Tree, qpos: Array) -> Poses:
     model, frames = tree.model, len(qpos)
     data = mujoco.MjData(model)
     place, turn = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 4))
+    matrix = np.empty((frames, model.nbody, 9))
     axis, anchor = np.empty((frames, model.nv, 3)), np.empty((frames, model.nv, 3))
     wary, met = bool(model.geom_margin.any()), []
-    now, xpos, xquat, xaxis, xanchor = data.qpos, data.xpos, data.xquat, data.xaxis[1:], data.xanchor[1:]
+    now, xpos, xquat, xmat, xaxis, xanchor = (
+        data.qpos,
+        data.xpos,
+        data.xquat,
+        data.xmat,
+        data.xaxis[1:],
+        data.xanchor[1:],
+    )
     for frame in range(frames):
         now[:] = qpos[frame]
         mujoco.mj_kinematics(model, data)
-        place[frame], turn[frame] = xpos, xquat
+        place[frame], turn[frame], matrix[frame] = xpos, xquat, xmat
         axis[frame, ROOT_DOFS:], anchor[frame, ROOT_DOFS:] = xaxis, xanchor
         if wary:
             mujoco.mj_collision(model, data)
@@ -90,9 +100,10 @@ def poses(tree: Tree, qpos: Array) -> Poses:
     meetings = Meetings(*(np.concatenate(part) for part in zip(none, *met, strict=True)))
     root = model.jnt_bodyid[0]
     axis[:, :3] = np.eye(3)
-    axis[:, 3:ROOT_DOFS] = quat_to_matrix(turn[:, root]).swapaxes(1, 2)
+    matrix = matrix.reshape(frames, model.nbody, 3, 3)
+    axis[:, 3:ROOT_DOFS] = matrix[:, root].swapaxes(1, 2)
     anchor[:, :ROOT_DOFS] = place[:, root, None]
-    return Poses(place, turn, axis, anchor, meetings)
+    return Poses(place, turn, matrix, axis, anchor, meetings)
 
 
 def velocities(at: Poses, dofs: Indices, points: Array, frames: Indices | slice = slice(None)) -> Array:
@@ -118,4 +129,5 @@ def moved(qpos: Array, step: Array) -> Array:
 
 def on_body(at: Poses, bodies: Indices, points: Array) -> Array:
     """(T, k, 3) world positions of `points` (k, 3) or (T, k, 3), each in the frame of its body of `bodies` (k,)."""
-    return at.place[:, bodies] + quat_rotate(at.turn[:, bodies], points)
+    turned = "tkij,tkj->tki" if points.ndim == 3 else "tkij,kj->tki"
+    return at.place[:, bodies] + np.einsum(turned, at.matrix[:, bodies], points)

@@ -82,9 +82,10 @@ def _base(goal: Goal, rig: Rig) -> str:
     return next((f.body for f in rig.follow if f.human == goal.base), rig.root) if goal.base else "world"
 
 
-def distances(places: Places, at: Poses) -> Array:
-    """(T, k, 3) metres in the world, from where the points should be to where they are."""
-    return on_body(at, places.body, places.spot) - on_body(at, places.base, places.place)
+def reached(places: Places, at: Poses) -> tuple[Array, Array]:
+    """Where the points are in the world and how far that is from where they should be: (T, k, 3) each, in metres."""
+    points = on_body(at, places.body, places.spot)
+    return points, points - on_body(at, places.base, places.place)
 
 
 def angles(turns: Turns, at: Poses) -> Array:
@@ -93,12 +94,11 @@ def angles(turns: Turns, at: Poses) -> Array:
     return quat_to_rotvec(quat_mul(at.turn[:, turns.body], quat_conj(wanted)))
 
 
-def curved_by_places(tree: Tree, places: Places, at: Poses, off: Array) -> tuple[Array, Array]:
-    """Curvature (T, nv, nv) and gradient (T, nv) of half the weighted squares of `off`, as `distances` gives it."""
+def curved_by_places(tree: Tree, places: Places, at: Poses, points: Array, off: Array) -> tuple[Array, Array]:
+    """Curvature (T, nv, nv) and gradient (T, nv) of half the weighted squares of `off`, as `reached` gives it."""
     dofs, point = np.nonzero((tree.carries[places.body] - tree.carries[places.base]).T)
     root = np.sqrt(places.weight)[..., None]
     rows = np.zeros((len(off), tree.model.nv, *off.shape[1:]))
-    points = on_body(at, places.body, places.spot)
     rows[:, dofs, point] = velocities(at, dofs, points[:, point]) * root[:, point]
     rows = rows.reshape(*rows.shape[:2], -1)
     return rows @ rows.swapaxes(1, 2), (rows @ (root * off).reshape(len(off), -1, 1))[..., 0]
@@ -119,8 +119,6 @@ def add_springs(curvature: Array, gradient: Array, frame: Indices, rows: Array, 
     """Add ½ `stiff` (row · x + pull)² for each of n `rows` (n, nv) and `pull` (n,), in the order of their `frame` (n,),
     to the curvature (T, nv, nv) and the gradient (T, nv) of their frames.
     """
-    if not len(frame):
-        return
     those, first, count = np.unique(frame, return_index=True, return_counts=True)
     group, slot = np.repeat(np.arange(len(those)), count), np.arange(len(frame)) - np.repeat(first, count)
     dense = np.zeros((len(those), gradient.shape[1], count.max()))

@@ -29,7 +29,7 @@ from retarget.tracking import (
     angles,
     curved_by_places,
     curved_by_turns,
-    distances,
+    reached,
     targets_of,
 )
 
@@ -76,13 +76,14 @@ class Problem:
 class State:
     """Configurations `qpos` (T, nq) and what is amiss there; `cost` sums it up by weight.
 
-    `off` and `turned` are what `distances` and `angles` give, `jerk` (T − 3, nv) the third differences, `fast`
-    (T − 1, nj) rad above the speeds, `soles` (T, s, 3) where they are, `under` (T, s) and `near` (n,) metres too low
-    and too near (below 0).
+    `points` and `off` are what `reached` gives and `turned` what `angles` gives, `jerk` (T − 3, nv) the third
+    differences, `fast` (T − 1, nj) rad above the speeds, `soles` (T, s, 3) where they are, `under` (T, s) and `near`
+    (n,) metres too low and too near (below 0).
     """
 
     qpos: Array
     at: Poses
+    points: Array
     off: Array
     turned: Array
     jerk: Array
@@ -214,7 +215,8 @@ def _frozen(problem: Problem, qpos: Array, downhill: Array) -> Flags:
 
 def _state(problem: Problem, qpos: Array) -> State:
     at = poses(problem.tree, qpos)
-    off, turned = distances(problem.places, at), angles(problem.turns, at)
+    points, off = reached(problem.places, at)
+    turned = angles(problem.turns, at)
     rate = _differences(qpos)
     jerk = np.diff(rate, n=2, axis=0)
     fast = rate[:, ROOT_DOFS:] - np.clip(rate[:, ROOT_DOFS:], -problem.stride, problem.stride)
@@ -229,13 +231,13 @@ def _state(problem: Problem, qpos: Array) -> State:
         + SPEEDING * (fast**2).sum()
         + STIFF / problem.size**2 * ((under**2).sum() + (near**2).sum())
     )
-    return State(qpos, at, off, turned, jerk, fast, soles, under, near, float(cost))
+    return State(qpos, at, points, off, turned, jerk, fast, soles, under, near, float(cost))
 
 
 def _equations(problem: Problem, state: State) -> Equations:
     """Half the squares of `state`, each linear in the step of the configurations."""
     tree, at = problem.tree, state.at
-    curvature, gradient = curved_by_places(tree, problem.places, at, state.off)
+    curvature, gradient = curved_by_places(tree, problem.places, at, state.points, state.off)
     for more, total in zip(curved_by_turns(tree, problem.turns, at, state.turned), (curvature, gradient), strict=True):
         total += more
     joints = np.arange(ROOT_DOFS, tree.model.nv)
@@ -244,13 +246,15 @@ def _equations(problem: Problem, state: State) -> Equations:
 
     stiff, every = STIFF / problem.size**2, np.arange(tree.model.nv)
     frame, sole = np.nonzero(state.under)
-    upward = velocities(at, every, state.soles[frame, sole][:, None], frame)[..., 2]
-    upward *= tree.carries[problem.soles[0][sole]]
-    add_springs(curvature, gradient, frame, upward, state.under[frame, sole], stiff)
-    met = at.meetings.of(np.flatnonzero(state.near))
-    rows = (velocities(at, every, met.place[:, None], met.frame) @ met.normal[..., None])[..., 0]
-    rows *= tree.carries[met.bodies[:, 1]] - tree.carries[met.bodies[:, 0]]
-    add_springs(curvature, gradient, met.frame, rows, state.near[state.near < 0], stiff)
+    if len(frame):
+        rows = velocities(at, every, state.soles[frame, sole][:, None], frame)[..., 2]
+        rows *= tree.carries[problem.soles[0][sole]]
+        add_springs(curvature, gradient, frame, rows, state.under[frame, sole], stiff)
+    if state.near.any():
+        met = at.meetings.of(np.flatnonzero(state.near))
+        rows = (velocities(at, every, met.place[:, None], met.frame) @ met.normal[..., None])[..., 0]
+        rows *= tree.carries[met.bodies[:, 1]] - tree.carries[met.bodies[:, 0]]
+        add_springs(curvature, gradient, met.frame, rows, state.near[state.near < 0], stiff)
 
     out = Equations(curvature, gradient)
     out.add_differences(THIRD, problem.smooth, state.jerk)

@@ -22,7 +22,7 @@ from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
 from retarget.rig import Follow, Rig, load_rig
-from retarget.tracking import add_springs, angles, curved_by_places, curved_by_turns, distances, targets_of
+from retarget.tracking import add_springs, angles, curved_by_places, curved_by_turns, reached, targets_of
 from retarget.whole import solve
 
 FPS = 50.0
@@ -108,11 +108,11 @@ def test_the_gradient_is_that_of_finite_differences(base: str) -> None:
     qpos = wandering(rig, 0.1, 6)
 
     def cost(q: Array) -> Array:
-        off, turned = distances(places, poses(tree, q)), angles(turns, poses(tree, q))
+        off, turned = reached(places, poses(tree, q))[1], angles(turns, poses(tree, q))
         return ((places.weight * (off**2).sum(-1)).sum(1) + (turns.weight * (turned**2).sum(-1)).sum(1)) / 2
 
     at = poses(tree, qpos)
-    _, found = curved_by_places(tree, places, at, distances(places, at))
+    _, found = curved_by_places(tree, places, at, *reached(places, at))
     found = found + curved_by_turns(tree, turns, at, angles(turns, at))[1]
     for dof in range(model.nv):
         nudge = np.zeros((len(qpos), model.nv))
