@@ -94,25 +94,23 @@ def angles(turns: Turns, at: Poses) -> Array:
     return quat_to_rotvec(quat_mul(at.turn[:, turns.body], quat_conj(wanted)))
 
 
-def curved_by_places(tree: Tree, places: Places, at: Poses, points: Array, off: Array) -> tuple[Array, Array]:
-    """Curvature (T, nv, nv) and gradient (T, nv) of half the weighted squares of `off`, as `reached` gives it."""
-    dofs, point = np.nonzero((tree.carries[places.body] - tree.carries[places.base]).T)
-    root = np.sqrt(places.weight)[..., None]
-    rows = np.zeros((len(off), tree.model.nv, *off.shape[1:]))
-    rows[:, dofs, point] = velocities(at, dofs, points[:, point]) * root[:, point]
-    rows = rows.reshape(*rows.shape[:2], -1)
-    return rows @ rows.swapaxes(1, 2), (rows @ (root * off).reshape(len(off), -1, 1))[..., 0]
-
-
-def curved_by_turns(tree: Tree, turns: Turns, at: Poses, off: Array) -> tuple[Array, Array]:
-    """Curvature (T, nv, nv) and gradient (T, nv) of half the weighted squares of `off`, as `angles` gives it."""
-    carried = tree.carries[turns.body] - tree.carries[turns.base]
-    both = carried[:, :, None] * carried[:, None, :]
-    spin = at.axis.copy()
-    spin[:, :3] = 0.0
-    shared = (turns.weight @ both.reshape(len(both), -1)).reshape(len(off), *both.shape[1:])
-    gradient = ((carried.T @ (turns.weight[..., None] * off)) * spin).sum(-1)
-    return shared * (spin @ spin.swapaxes(1, 2)), gradient
+def linearised(
+    tree: Tree, places: Places, turns: Turns, at: Poses, points: Array, off: Array, turned: Array
+) -> tuple[Array, Array]:
+    """Jacobian (T, nv, n), transposed, and value (T, n) of what is squared: `off`, as `reached` gives it with `points`,
+    and `turned`, as `angles` gives it, each times the root of its weight.
+    """
+    near, alike = np.sqrt(places.weight)[..., None], np.sqrt(turns.weight)[..., None]
+    held = off.shape[1]
+    rows = np.zeros((len(off), tree.model.nv, held + turned.shape[1], 3))
+    dofs, which = np.nonzero((tree.carries[places.body] - tree.carries[places.base]).T)
+    rows[:, dofs, which] = velocities(at, dofs, points[:, which]) * near[:, which]
+    dofs, which = np.nonzero(
+        (tree.carries[turns.body] - tree.carries[turns.base]).T * (np.arange(tree.model.nv) >= 3)[:, None]
+    )
+    rows[:, dofs, held + which] = at.axis[:, dofs] * alike[:, which]
+    value = np.concatenate([near * off, alike * turned], axis=1)
+    return rows.reshape(*rows.shape[:2], -1), value.reshape(len(off), -1)
 
 
 def add_springs(curvature: Array, gradient: Array, frame: Indices, rows: Array, pull: Array, stiff: float) -> None:

@@ -27,8 +27,7 @@ from retarget.tracking import (
     Turns,
     add_springs,
     angles,
-    curved_by_places,
-    curved_by_turns,
+    linearised,
     reached,
     targets_of,
 )
@@ -237,9 +236,8 @@ def _state(problem: Problem, qpos: Array) -> State:
 def _equations(problem: Problem, state: State) -> Equations:
     """Half the squares of `state`, each linear in the step of the configurations."""
     tree, at = problem.tree, state.at
-    curvature, gradient = curved_by_places(tree, problem.places, at, state.points, state.off)
-    for more, total in zip(curved_by_turns(tree, problem.turns, at, state.turned), (curvature, gradient), strict=True):
-        total += more
+    rows, value = linearised(tree, problem.places, problem.turns, at, state.points, state.off, state.turned)
+    curvature, gradient = rows @ rows.swapaxes(1, 2), (rows @ value[..., None])[..., 0]
     joints = np.arange(ROOT_DOFS, tree.model.nv)
     curvature[:, joints, joints] += POSTURE**2
     gradient[:, joints] += POSTURE**2 * (state.qpos[:, 7:] - problem.nominal)

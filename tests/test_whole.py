@@ -22,7 +22,7 @@ from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
 from retarget.rig import Follow, Rig, load_rig
-from retarget.tracking import add_springs, angles, curved_by_places, curved_by_turns, reached, targets_of
+from retarget.tracking import add_springs, angles, linearised, reached, targets_of
 from retarget.whole import solve
 
 FPS = 50.0
@@ -112,8 +112,8 @@ def test_the_gradient_is_that_of_finite_differences(base: str) -> None:
         return ((places.weight * (off**2).sum(-1)).sum(1) + (turns.weight * (turned**2).sum(-1)).sum(1)) / 2
 
     at = poses(tree, qpos)
-    _, found = curved_by_places(tree, places, at, *reached(places, at))
-    found = found + curved_by_turns(tree, turns, at, angles(turns, at))[1]
+    rows, value = linearised(tree, places, turns, at, *reached(places, at), angles(turns, at))
+    found = (rows @ value[..., None])[..., 0]
     for dof in range(model.nv):
         nudge = np.zeros((len(qpos), model.nv))
         nudge[:, dof] = 1e-6
