@@ -1,4 +1,4 @@
-"""Normal equations of a trajectory: a block for every frame, and diagonal blocks between frames up to three apart.
+"""Normal equations of a trajectory: a block for every frame, and diagonal blocks between frames up to two apart.
 
 Stored as LAPACK's lower band, `band[t, j, d]` = A[n t + j + d, n t + j], so that every frame costs the same.
 """
@@ -9,8 +9,8 @@ import numpy as np
 
 from motiongen.rotation import Array
 
-REACH = 3  # frames: a third difference spans four
-THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
+REACH = 2  # frames: a second difference spans three
+SECOND = np.array([1.0, -2.0, 1.0])
 FIRST = np.array([-1.0, 1.0])
 
 

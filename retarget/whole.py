@@ -1,9 +1,9 @@
 """Inverse kinematics of a whole trajectory: all frames in one sparse least-squares problem, not one after the other.
 
-What is minimised is the squared error of every follower, the third differences of the configuration (so that the
+What is minimised is the squared error of every follower, the second differences of the configuration (so that the
 motion is as smooth as tracking allows: a low-pass without lag), and a little distance from the nominal pose. Planted
 feet, soles above the floor, bodies that keep apart and joint speeds are springs far stiffer than what pulls at them;
-joint ranges are kept by projection. Each step is Gauss-Newton with Levenberg's damping on equations whose band is three
+joint ranges are kept by projection. Each step is Gauss-Newton with Levenberg's damping on equations whose band is two
 frames wide, so that cost grows linearly with length. A coarse solution, of every few frames, comes first.
 """
 
@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from motiongen.rotation import Array, quat_conj, quat_continuous, quat_mul, quat_normalize, quat_to_rotvec
-from retarget.banded import FIRST, REACH, THIRD, Equations
+from retarget.banded import FIRST, REACH, SECOND, Equations
 from retarget.contacts import Flags
 from retarget.goals import ROOT, Goal
 from retarget.kinematics import ROOT_DOFS, Indices, Poses, Tree, moved, on_body, poses, tree_of, velocities
@@ -32,7 +32,7 @@ from retarget.tracking import (
     targets_of,
 )
 
-SMOOTH = 0.03  # s: wiggles of a weight-1 follower faster than 1 / (2π · SMOOTH) Hz are smoothed away
+SMOOTH = 0.025  # s: wiggles of a weight-1 follower faster than 1 / (2π · SMOOTH) Hz are smoothed away
 LEAST_SMOOTH = 0.5  # frames, where they are far apart
 POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave open
 GAP = 0.02  # of the root height: how far apart bodies stay
@@ -41,7 +41,7 @@ STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, 
 SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `within` cuts off
 FIRM = 100.0  # times its weight, a planted foot's goal
 COARSE = 0.1  # s between the frames of the first, coarse solution, which finds the way
-COARSE_STEPS, FINE_STEPS = 30, 3  # at most
+COARSE_STEPS, FINE_STEPS = 30, 4  # at most
 GAIN = 0.02  # a step that gains a smaller share of the cost is the last
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
@@ -53,7 +53,7 @@ WINDOW, OVERLAP = 20.0, 1.0  # s solved at once, which bounds the memory, and th
 class Problem:
     """One window: `places` and `turns` over its T frames, of which the first `known` are solved and stay.
 
-    `smooth` (nv,) weighs squared third differences, `reach` (2, nj) are the joints' ranges in rad, `stride` (nj,) rad
+    `smooth` (nv,) weighs squared second differences, `reach` (2, nj) are the joints' ranges in rad, `stride` (nj,) rad
     is what they may move in a frame. `soles`: body (s,) and point (s, 3), kept above the floor. `size` is the nominal
     root height in metres.
     """
@@ -75,7 +75,7 @@ class Problem:
 class State:
     """Configurations `qpos` (T, nq) and what is amiss there; `cost` sums it up by weight.
 
-    `points` and `off` are what `reached` gives and `turned` what `angles` gives, `jerk` (T − 3, nv) the third
+    `points` and `off` are what `reached` gives and `turned` what `angles` gives, `bend` (T − 2, nv) the second
     differences, `fast` (T − 1, nj) rad above the speeds, `soles` (T, s, 3) where they are, `under` (T, s) and `near`
     (n,) metres too low and too near (below 0).
     """
@@ -85,7 +85,7 @@ class State:
     points: Array
     off: Array
     turned: Array
-    jerk: Array
+    bend: Array
     fast: Array
     soles: Array
     under: Array
@@ -170,7 +170,7 @@ def _window(problem: Problem, guess: Array, before: Array, end: int, fps: float)
             places=problem.places.at(frames),
             turns=problem.turns.at(frames),
             known=len(past),
-            smooth=problem.smooth * max(SMOOTH * fps / every, LEAST_SMOOTH) ** 6,
+            smooth=problem.smooth * max(SMOOTH * fps / every, LEAST_SMOOTH) ** 4,
             stride=problem.stride * every / fps,
         )
         solved = _solved(part, np.concatenate([past, qpos[::every]]), steps)[len(past) :]
@@ -217,7 +217,7 @@ def _state(problem: Problem, qpos: Array) -> State:
     points, off = reached(problem.places, at)
     turned = angles(problem.turns, at)
     rate = _differences(qpos)
-    jerk = np.diff(rate, n=2, axis=0)
+    bend = np.diff(rate, axis=0)
     fast = rate[:, ROOT_DOFS:] - np.clip(rate[:, ROOT_DOFS:], -problem.stride, problem.stride)
     soles = on_body(at, *problem.soles)
     under = np.minimum(soles[..., 2] + SLACK * problem.size, 0.0)
@@ -225,12 +225,12 @@ def _state(problem: Problem, qpos: Array) -> State:
     cost = (
         (problem.places.weight * (off**2).sum(-1)).sum()
         + (problem.turns.weight * (turned**2).sum(-1)).sum()
-        + (problem.smooth * jerk**2).sum()
+        + (problem.smooth * bend**2).sum()
         + POSTURE**2 * ((qpos[:, 7:] - problem.nominal) ** 2).sum()
         + SPEEDING * (fast**2).sum()
         + STIFF / problem.size**2 * ((under**2).sum() + (near**2).sum())
     )
-    return State(qpos, at, points, off, turned, jerk, fast, soles, under, near, float(cost))
+    return State(qpos, at, points, off, turned, bend, fast, soles, under, near, float(cost))
 
 
 def _equations(problem: Problem, state: State) -> Equations:
@@ -255,7 +255,7 @@ def _equations(problem: Problem, state: State) -> Equations:
         add_springs(curvature, gradient, met.frame, rows, state.near[state.near < 0], stiff)
 
     out = Equations(curvature, gradient)
-    out.add_differences(THIRD, problem.smooth, state.jerk)
+    out.add_differences(SECOND, problem.smooth, state.bend)
     fast = np.concatenate([np.zeros((len(state.fast), ROOT_DOFS)), state.fast], axis=1)
     out.add_differences(FIRST, SPEEDING * (fast != 0), fast)
     return out

@@ -13,7 +13,7 @@ from two_arm_rig import two_arm_rig
 
 from motiongen.motion import Motion
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
-from retarget.banded import FIRST, THIRD, Equations
+from retarget.banded import FIRST, SECOND, Equations
 from retarget.contacts import planted, runs
 from retarget.goals import Goal
 from retarget.kinematics import moved, on_body, poses, tree_of, velocities
@@ -142,7 +142,7 @@ def test_banded_equations_are_the_dense_ones() -> None:
         rows = slice(t * size, (t + 1) * size)
         dense[rows, rows] += block @ block.T
         right[rows] -= gradient[t]
-    for stencil in (FIRST, THIRD):
+    for stencil in (FIRST, SECOND):
         count = frames - len(stencil) + 1
         weight, value = rng.uniform(1, 2, (count, size)), rng.normal(size=(count, size))
         out.add_differences(stencil, weight, value)
