@@ -35,7 +35,7 @@ from retarget.tracking import (
 SMOOTH = 0.025  # s: wiggles of a weight-1 follower faster than 1 / (2π · SMOOTH) Hz are smoothed away
 LEAST_SMOOTH = 0.5  # frames, where they are far apart
 POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave open
-GAP = 0.02  # of the root height: how far apart bodies stay
+GAP = 0.005  # of the root height: how far apart bodies stay
 SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
 SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `within` cuts off
