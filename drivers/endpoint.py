@@ -21,6 +21,11 @@ class Endpoints:
     stop: str
     state: str
 
+    @property
+    def local(self) -> bool:
+        """Whether this machine's processes alone can reach them: an ipc path, or a loopback address."""
+        return bool(re.match(r"ipc:|tcp://(127(\.\d{1,3}){3}|localhost|\[::1\]):", self.frames))
+
 
 def endpoints(address: str) -> Endpoints:
     """The four addresses of `address`: `tcp://host:port` takes port to port + 3; `ipc://path` appends names.

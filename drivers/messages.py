@@ -86,7 +86,8 @@ def unpack(data: bytes, kind: type[Message]) -> Message:
     try:
         return msgspec.msgpack.decode(data, type=kind)
     except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError) as error:
-        raise FrameError(f"{kind.__name__.lower()}: {error}") from None
+        said = "".join(c if c.isprintable() else "?" for c in str(error)[:200])  # it may quote what was sent
+        raise FrameError(f"{kind.__name__.lower()}: {said}") from None
 
 
 def _same_length(what: str, joints: int, *columns: tuple[float, ...]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import secrets
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -12,40 +13,56 @@ import numpy as np
 import zmq
 
 from drivers.clock import MonotonicClock, Ticker
-from drivers.endpoint import DEFAULT, StreamError, endpoints
+from drivers.doorkeeper import Doorkeeper
+from drivers.endpoint import DEFAULT, Endpoints, StreamError, endpoints
 from drivers.frame import MAX_BYTES, UNCHECKED, Frame, FrameError, State, encode
+from drivers.keys import Keys, Right, require_guarded
 from drivers.messages import MAX_MESSAGE_BYTES, Hello, RigState, Stop, pack, unpack
-from drivers.sockets import LINGER_MS, Context, open_socket
+from drivers.rate import Rate
+from drivers.sockets import LINGER_MS, Context, Curve, Socket, open_socket
 from retarget.rig import Rig
 from retarget.trajectory import Trajectory
 
 NS = 1_000_000_000
 HELLO_EVERY_NS = NS
+MOST_AT_ONCE = 64  # A flooded socket may not keep the next frame waiting.
+MOST_STATES_PER_S = 1000  # Of one rig: as many as a control loop of 1 kHz tells.
 CLOSING_FRAMES = 3  # The end of the stream is said this often: a newest-only link may drop one.
 
 
 class Publisher:
     """Binds the four sockets of `address` and sends; a context manager, used from one thread.
 
-    `hello` is repeated each second while frames or `tick` keep coming. Raises StreamError where the address is busy.
+    `hello` is repeated each second while frames or `tick` keep coming. With `keys` it encrypts, and only keys that may
+    follow receive, only keys that may control send. `refused` counts messages from rigs that were not taken, by reason.
+    Raises StreamError where the address is busy, or open to other machines with neither `keys` nor `insecure`.
     """
 
-    def __init__(self, hello: Hello, address: str = DEFAULT, *, clock: Ticker | None = None) -> None:
+    def __init__(
+        self,
+        hello: Hello,
+        address: str = DEFAULT,
+        *,
+        keys: Keys | None = None,
+        insecure: bool = False,
+        clock: Ticker | None = None,
+    ) -> None:
         self._clock = clock or MonotonicClock()
         self._hello_message = pack(hello)
         self._stop_message: bytes | None = None
         self._next_hello_ns = self._clock.now_ns()
         self._heard = False
+        self._refused: Counter[str] = Counter()
+        self._rate = Rate(MOST_STATES_PER_S)
         at = endpoints(address)
+        require_guarded(at, keys, insecure)
         self._context: Context = zmq.Context()
+        self._doorkeeper = None if keys is None else Doorkeeper(self._context, keys)
+        self._sockets: list[Socket] = []
         try:
-            # XPUB is PUB that also hands over the subscriptions, so that the first frame can wait for one.
-            self._frames = open_socket(self._context, zmq.XPUB, at.frames, bind=True, max_bytes=MAX_BYTES)
-            self._hello = open_socket(self._context, zmq.PUB, at.hello, bind=True, max_bytes=MAX_MESSAGE_BYTES)
-            self._stop = open_socket(self._context, zmq.PUB, at.stop, bind=True, max_bytes=MAX_MESSAGE_BYTES)
-            self._state = open_socket(self._context, zmq.SUB, at.state, bind=True, max_bytes=MAX_MESSAGE_BYTES)
+            self._open(at, keys)
         except BaseException:
-            self._context.destroy(0)
+            self._end(0)
             raise
 
     def wait_for_subscriber(self, timeout_s: float) -> bool:
@@ -77,18 +94,56 @@ class Publisher:
         self._stop.send(self._stop_message, zmq.NOBLOCK)
 
     def states(self) -> list[RigState]:
-        """What the rigs have told since the last call; foreign messages are skipped."""
-        found = []
+        """What the rigs have told since the last call, `MOST_AT_ONCE` at most; what cannot be read is skipped."""
+        found: list[RigState] = []
         with contextlib.suppress(zmq.Again):
-            while True:
-                data = self._state.recv(zmq.NOBLOCK)
-                with contextlib.suppress(FrameError):
-                    found.append(unpack(data, RigState))
+            for _ in range(MOST_AT_ONCE):
+                message = self._state.recv(zmq.NOBLOCK, copy=False)
+                if not self._rate.allows(self._sender(message), self._clock.now_ns()):
+                    self._refused["rate"] += 1
+                    continue
+                try:
+                    found.append(unpack(message.bytes, RigState))
+                except FrameError:
+                    self._refused["message"] += 1
         return found
+
+    @property
+    def refused(self) -> Counter[str]:
+        """How often who or what was refused: `message` and `rate`; with keys also `stranger` and `handshake`."""
+        return self._refused + (self._doorkeeper.refused if self._doorkeeper else Counter())
 
     def close(self) -> None:
         """Let the last messages leave (for at most `LINGER_MS`) and close all sockets."""
-        self._context.destroy(LINGER_MS)
+        self._end(LINGER_MS)
+
+    def _open(self, at: Endpoints, keys: Keys | None) -> None:
+        try:
+            # XPUB is PUB that also hands over the subscriptions, so that the first frame can wait for one.
+            self._frames = self._bind(zmq.XPUB, at.frames, keys, "follow")
+            self._hello = self._bind(zmq.PUB, at.hello, keys, "follow")
+            self._stop = self._bind(zmq.PUB, at.stop, keys, "follow")
+            self._state = self._bind(zmq.SUB, at.state, keys, "control")
+        finally:
+            if self._doorkeeper is not None:
+                self._doorkeeper.start()
+
+    def _bind(self, kind: int, address: str, keys: Keys | None, right: Right) -> Socket:
+        most = MAX_BYTES if kind == zmq.XPUB else MAX_MESSAGE_BYTES
+        curve = None if keys is None else Curve(keys.secret, right)
+        socket = open_socket(self._context, kind, address, bind=True, max_bytes=most, curve=curve)
+        self._sockets.append(socket)
+        if self._doorkeeper is not None:
+            self._doorkeeper.watch(socket)
+        return socket
+
+    def _sender(self, message: zmq.Frame) -> str:
+        return "" if self._doorkeeper is None else str(message.get("User-Id"))
+
+    def _end(self, linger_ms: int) -> None:
+        for socket in self._sockets:
+            socket.close(linger_ms)
+        self._context.term()
 
     def __enter__(self) -> Publisher:
         return self
@@ -164,12 +219,16 @@ def frames_of(trajectory: Trajectory, rig: Rig, report_id: str, stream: int, sta
 
 @dataclass(frozen=True)
 class Published:
-    """What `publish` did: frames sent, the time of the first, how late the latest was, whether anybody listened."""
+    """What `publish` did: frames sent, the time of the first, how late the latest was, whether anybody listened.
+
+    `refused`: who and what was turned away, by reason (see `Publisher.refused`).
+    """
 
     frames: int
     first_ns: int
     worst_late_s: float
     heard: bool
+    refused: dict[str, int]
     states: tuple[RigState, ...] = field(default=(), repr=False)
 
 
@@ -180,17 +239,20 @@ def publish(
     address: str = DEFAULT,
     *,
     wait_s: float = 0.0,
+    keys: Keys | None = None,
+    insecure: bool = False,
     clock: Ticker | None = None,
 ) -> Published:
     """Stream `trajectory` once, in real time; frame k leaves at start + k / fps, whatever the ones before it cost.
 
-    Waits up to `wait_s` for a first receiver. Without a `report_id` only previews will follow. Raises StreamError
-    where the address is busy or the trajectory is not of this rig.
+    Waits up to `wait_s` for a first receiver. Without a `report_id` only previews will follow. `keys` and `insecure`
+    are the Publisher's. Raises StreamError as it does, and where the trajectory is not of this rig.
     """
     clock = clock or MonotonicClock()
     stream = secrets.randbits(32)
     states: list[RigState] = []
-    with Publisher(hello_for(trajectory, rig, report_id, stream), address, clock=clock) as publisher:
+    hello = hello_for(trajectory, rig, report_id, stream)
+    with Publisher(hello, address, keys=keys, insecure=insecure, clock=clock) as publisher:
         heard = publisher.wait_for_subscriber(wait_s)
         start = clock.now_ns()
         worst, count = 0, 0
@@ -201,4 +263,5 @@ def publish(
             states += publisher.states()
             count += 1
         heard = publisher.wait_for_subscriber(0) or heard
-    return Published(count, start, worst / NS, heard, tuple(states))
+        refused = dict(publisher.refused)
+    return Published(count, start, worst / NS, heard, refused, tuple(states))

@@ -11,43 +11,66 @@ import zmq
 from drivers.endpoint import DEFAULT, endpoints
 from drivers.frame import MAX_BYTES, Frame, FrameError
 from drivers.gate import Gate
+from drivers.keys import Keys, require_guarded
+from drivers.line import Line
 from drivers.messages import MAX_MESSAGE_BYTES, Hello, Message, RigState, Stop, pack, unpack
-from drivers.sockets import LINGER_MS, Context, Socket, open_socket
+from drivers.sockets import LINGER_MS, Context, Curve, open_socket
 from drivers.watchdog import Patience, Watchdog
 
 MOST_AT_ONCE = 8  # A flooded socket may not keep a control loop busy.
+TEND_EVERY_NS = 100_000_000
 
 
 class Receiver:
     """Receives a stream for the rig with `rig_hash`; a context manager, used from one thread.
 
     `gate` counts what was refused, `watchdog` knows the mode; `preview` is for what only draws (see `Gate`).
-    Raises StreamError where the address is no endpoint.
+    With `keys` it follows the machine named `leader` alone, or the only one that may lead. Raises StreamError where the
+    address is no endpoint, or on another machine with neither `keys` nor `insecure`.
     """
 
     def __init__(
-        self, address: str = DEFAULT, *, rig_hash: int, preview: bool = False, patience: Patience | None = None
+        self,
+        address: str = DEFAULT,
+        *,
+        rig_hash: int,
+        preview: bool = False,
+        patience: Patience | None = None,
+        keys: Keys | None = None,
+        leader: str = "",
+        insecure: bool = False,
     ) -> None:
         patience = patience or Patience()
         self.gate = Gate(rig_hash, preview=preview, max_age_s=patience.hold_s)
         self.watchdog = Watchdog(patience)
         self.hello: Hello | None = None
-        at = endpoints(address)
+        self._at = endpoints(address)
+        require_guarded(self._at, keys, insecure)
+        self._curve = None if keys is None else Curve(keys.secret, server=keys.leader(leader))
         self._context: Context = zmq.Context()
+        self._state: Line | None = None
+        self._tend_ns = 0
         try:
-            self._frames = open_socket(self._context, zmq.SUB, at.frames, bind=False, max_bytes=MAX_BYTES, newest=True)
-            self._hello = open_socket(self._context, zmq.SUB, at.hello, bind=False, max_bytes=MAX_MESSAGE_BYTES)
-            self._stop = open_socket(self._context, zmq.SUB, at.stop, bind=False, max_bytes=MAX_MESSAGE_BYTES)
-            self._state = open_socket(self._context, zmq.PUB, at.state, bind=False, max_bytes=MAX_MESSAGE_BYTES)
+            self._frames = self._connect(zmq.SUB, self._at.frames, newest=True)
+            self._hello = self._connect(zmq.SUB, self._at.hello)
+            self._stop = self._connect(zmq.SUB, self._at.stop)
         except BaseException:
             self._context.destroy(0)
             raise
 
+    @property
+    def trouble(self) -> str:
+        """Why the publisher and we do not understand each other, in one line; "" where we do or nobody is there."""
+        return self._frames.trouble or self._stop.trouble or ("" if self._state is None else self._state.trouble)
+
     def poll(self, now_ns: int) -> Frame | None:
         """The newest frame that came since the last call and was accepted; never waits.
 
-        Reads a waiting stop and hello too, and brings the watchdog to `now_ns`.
+        Reads a waiting stop and hello too, and brings the watchdog to `now_ns`. A silence that has been too long is
+        noted before the frame that ends it.
         """
+        self._tend(now_ns)
+        self.watchdog.update(now_ns)
         for data in self._waiting(self._stop):
             if (stop := self._read(data, Stop)) is not None:
                 self.watchdog.stop(stop.reason)
@@ -62,9 +85,11 @@ class Receiver:
         return frame
 
     def send_state(self, state: RigState) -> None:
-        """Tell the publisher; dropped where nobody listens."""
+        """Tell the publisher; dropped where nobody listens. Connects with the first: a preview has nothing to tell."""
+        if self._state is None:
+            self._state = self._connect(zmq.PUB, self._at.state)
         with contextlib.suppress(zmq.Again):
-            self._state.send(pack(state), zmq.NOBLOCK)
+            self._state.socket.send(pack(state), zmq.NOBLOCK)
 
     def close(self) -> None:
         """Close all sockets; the object cannot be used again."""
@@ -76,10 +101,22 @@ class Receiver:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def _waiting(self, socket: Socket) -> Iterator[bytes]:
+    def _connect(self, kind: int, address: str, *, newest: bool = False) -> Line:
+        most = MAX_BYTES if newest else MAX_MESSAGE_BYTES
+        socket = open_socket(self._context, kind, address, bind=False, max_bytes=most, newest=newest, curve=self._curve)
+        return Line(socket, address)
+
+    def _tend(self, now_ns: int) -> None:
+        if now_ns >= self._tend_ns:
+            self._tend_ns = now_ns + TEND_EVERY_NS
+            for line in (self._frames, self._hello, self._stop, self._state):
+                if line is not None:
+                    line.tend(now_ns)
+
+    def _waiting(self, line: Line) -> Iterator[bytes]:
         for _ in range(MOST_AT_ONCE):
             try:
-                yield socket.recv(zmq.NOBLOCK)
+                yield line.socket.recv(zmq.NOBLOCK)
             except zmq.Again:
                 return
 

@@ -5,7 +5,10 @@ The library's defaults are unsafe here: queues of 1000 messages, messages of any
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import zmq
+from zmq.utils import z85
 
 from drivers.endpoint import StreamError
 
@@ -13,13 +16,35 @@ Context = zmq.Context[zmq.Socket[bytes]]
 Socket = zmq.Socket[bytes]
 
 LINGER_MS = 200  # Long enough for the last frame, or a stop, to leave before the process does.
+HANDSHAKE_MS = 5000
+
+
+@dataclass(frozen=True)
+class Curve:
+    """CURVE (ZeroMQ RFC 26) on a socket. `secret` is our own key, 32 bytes.
+
+    A socket that binds admits the keys that have `right`; one that connects expects the owner of `server`, 32 bytes.
+    """
+
+    secret: bytes
+    right: str = ""
+    server: bytes = b""
 
 
 def open_socket(
-    context: Context, kind: int, address: str, *, bind: bool, max_bytes: int, newest: bool = False
+    context: Context,
+    kind: int,
+    address: str,
+    *,
+    bind: bool,
+    max_bytes: int,
+    newest: bool = False,
+    queue: int = 2,
+    curve: Curve | None = None,
 ) -> Socket:
-    """A socket of `kind` on `address`, bounded in queue, message size and silence; `newest` keeps one message only.
+    """A socket of `kind` on `address`, bounded in messages that wait, message size and silence.
 
+    `newest` keeps one message only, else `queue` wait in each direction. Without `curve` nothing is encrypted.
     Raises StreamError where the address is in use or cannot be bound or reached.
     """
     socket = context.socket(kind)
@@ -29,12 +54,15 @@ def open_socket(
     socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, 3000)
     socket.setsockopt(zmq.RECONNECT_IVL, 50)
     socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
-    socket.setsockopt(zmq.SNDHWM, 2)
-    socket.setsockopt(zmq.RCVHWM, 2)
+    socket.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
+    socket.setsockopt(zmq.SNDHWM, queue)
+    socket.setsockopt(zmq.RCVHWM, queue)
     if newest:
         socket.setsockopt(zmq.CONFLATE, 1)
     if kind == zmq.SUB:
         socket.setsockopt(zmq.SUBSCRIBE, b"")
+    if curve is not None:
+        _secure(socket, curve)
     try:
         if bind:
             socket.bind(address)
@@ -46,3 +74,15 @@ def open_socket(
             raise StreamError(f"{address} is busy: something else publishes there; choose another endpoint") from None
         raise StreamError(f"cannot {'bind' if bind else 'connect to'} {address}: {error.strerror}") from None
     return socket
+
+
+def _secure(socket: Socket, curve: Curve) -> None:
+    secret = z85.encode(curve.secret)
+    socket.setsockopt(zmq.CURVE_SECRETKEY, secret)
+    socket.setsockopt(zmq.CURVE_PUBLICKEY, zmq.curve_public(secret))
+    if curve.server:
+        socket.setsockopt(zmq.CURVE_SERVERKEY, curve.server)
+    else:
+        socket.setsockopt(zmq.CURVE_SERVER, 1)
+        socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # or else, without a doorkeeper, everybody may come in
+        socket.setsockopt(zmq.ZAP_DOMAIN, curve.right.encode())

@@ -30,6 +30,8 @@ class Delivery:
     .json (report); docs/files.md has the rest."""
     publish: Annotated[str | None, arg(metavar="ENDPOINT")] = None
     """ZeroMQ endpoint to stream to, such as tcp://127.0.0.1:5555."""
+    insecure: bool = False
+    """Stream without encryption and to everybody, where other machines reach the endpoint."""
     view: Literal["native", "web", "none"] = "none"
     """Show it in a window or in the browser, until closed or Ctrl-C."""
     unchecked: bool = False
@@ -44,8 +46,11 @@ def require(how: Delivery, *, has_motion: bool) -> None:
 
     require_writable(how.out, has_motion=has_motion)
     if how.publish is not None:
+        from drivers.endpoint import endpoints
+        from drivers.keys import keys_for
         from drivers.publisher import require_free
 
+        keys_for(endpoints(how.publish), insecure=how.insecure)
         require_free(how.publish)
 
 
@@ -89,16 +94,27 @@ def _write(take: Take, how: Delivery, times: Times) -> list[str]:
 def _publish(take: Take, how: Delivery, times: Times) -> dict[str, Any] | None:
     if how.publish is None:
         return None
+    from drivers.endpoint import endpoints
     from drivers.frame import UNCHECKED
+    from drivers.keys import keys_for
     from drivers.publisher import publish
 
     report_id = UNCHECKED if how.unchecked else take.report.report_id
+    keys = keys_for(endpoints(how.publish), insecure=how.insecure)
     with times.stage("stream"):
-        sent = publish(take.trajectory, take.rig, report_id, how.publish, wait_s=LISTENER_WAIT_S)
+        sent = publish(
+            take.trajectory,
+            take.rig,
+            report_id,
+            how.publish,
+            wait_s=LISTENER_WAIT_S,
+            keys=keys,
+            insecure=how.insecure,
+        )
     if not sent.heard:
         show.warn(f"nobody listened on {how.publish}; start `rigcast view` or `rigcast drive` first")
     first_frame_s = sent.first_ns * 1e-9 - BEGAN
-    facts = {k: v for k, v in asdict(sent).items() if k in ("frames", "worst_late_s", "heard")}
+    facts = {k: v for k, v in asdict(sent).items() if k in ("frames", "worst_late_s", "heard", "refused")}
     return {"endpoint": how.publish, "report_id": report_id, "first_frame_s": first_frame_s, **facts}
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from drivers.bus import ServoBus
     from drivers.drive import Driven
     from drivers.messages import RigState
+    from drivers.receiver import Receiver
 
 SIMULATED = "sim"
 
@@ -27,6 +28,8 @@ def drive(
     port: Annotated[str, arg(metavar="PORT")],
     rig: str = "puppet",
     endpoint: Annotated[str, arg(metavar="ENDPOINT")] = DEFAULT,
+    leader: str = "",
+    insecure: bool = False,
     json: bool = False,
 ) -> int:
     """Follow the stream on ENDPOINT with the servos on PORT until it ends, Ctrl-C or a stop; then torque is off.
@@ -37,15 +40,20 @@ def drive(
         port: Serial port of the servo bus, such as /dev/ttyUSB0, or "sim" for servos that are only computed.
         rig: Name of the rig that is on the bus, or path of its folder.
         endpoint: Where `say --publish` streams to.
+        leader: Name of the key that the rig follows (see `rigcast keys`); by default the only one that may lead.
+        insecure: Follow a stream of another machine without keys: whoever is in that network can move the rig.
         json: Print one JSON document instead of a table.
     """
     from drivers.drive import drive as run
+    from drivers.endpoint import endpoints
+    from drivers.keys import keys_for
     from drivers.receiver import Receiver
 
     body = load_rig(rig)
-    with Receiver(endpoint, rig_hash=body.hash) as receiver:
+    keys = keys_for(endpoints(endpoint), insecure=insecure, leader=leader)
+    with Receiver(endpoint, rig_hash=body.hash, keys=keys, leader=leader, insecure=insecure) as receiver:
         print(f"{rig} on {port} listens on {endpoint}", file=sys.stderr, flush=True)
-        driven = run(body, receiver, bus_on(port, body), watch=_mode_teller())
+        driven = run(body, receiver, bus_on(port, body), watch=_teller(receiver))
     if json:
         show.print_json({**asdict(driven), "rms_error": driven.rms_error.tolist()})
     else:
@@ -64,9 +72,10 @@ def bus_on(port: str, rig: Rig) -> ServoBus:
     return DynamixelBus(rig, port)
 
 
-def _mode_teller() -> Callable[[RigState], None]:
-    """Says each change of mode on stderr."""
+def _teller(receiver: Receiver) -> Callable[[RigState], None]:
+    """Says each change of mode on stderr, and why no stream comes."""
     told = ""
+    tell_trouble = show.warner()
 
     def tell(state: RigState) -> None:
         nonlocal told
@@ -74,6 +83,7 @@ def _mode_teller() -> Callable[[RigState], None]:
         if now != told:
             print(now, file=sys.stderr, flush=True)
         told = now
+        tell_trouble(receiver.trouble)
 
     return tell
 

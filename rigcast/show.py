@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -102,3 +102,16 @@ def print_json(data: Any) -> None:
 def warn(message: str) -> None:
     """One line on stderr."""
     print(f"rigcast: {message}", file=sys.stderr)
+
+
+def warner() -> Callable[[str], None]:
+    """Warns of what it is told, once for as long as it is told the same."""
+    last = ""
+
+    def tell(message: str) -> None:
+        nonlocal last
+        if message and message != last:
+            warn(message)
+        last = message
+
+    return tell

@@ -32,6 +32,8 @@ def view(
     port: int = 8080,
     film: Annotated[Path | None, arg(metavar="FILE")] = None,
     seconds: float = 5.0,
+    leader: str = "",
+    insecure: bool = False,
 ) -> int:
     """Show the stream on ENDPOINT in a window or in the browser until closed or Ctrl-C, or film a part of it.
 
@@ -42,11 +44,16 @@ def view(
         port: Port of the page, on 127.0.0.1.
         film: Write an .mp4 or .gif of what arrives instead of showing it.
         seconds: Length of the film.
+        leader: Name of the key that streams (see `rigcast keys`); by default the only one that may.
+        insecure: Follow a stream of another machine without keys.
     """
+    from drivers.endpoint import endpoints
+    from drivers.keys import keys_for
     from drivers.receiver import Receiver
 
     body = load_rig(rig)
-    with Receiver(endpoint, rig_hash=body.hash, preview=True) as receiver:
+    keys = keys_for(endpoints(endpoint), insecure=insecure, leader=leader)
+    with Receiver(endpoint, rig_hash=body.hash, preview=True, keys=keys, leader=leader, insecure=insecure) as receiver:
         poses = following(receiver)
         if film is not None:
             return _film(poses, film, seconds, rig)
@@ -61,12 +68,17 @@ def view(
 
 
 def following(receiver: Receiver, clock: Callable[[], int] = time.monotonic_ns) -> Poses:
-    """The newest pose on the wire (root position, root quaternion, joints); None until one came."""
+    """The newest pose on the wire (root position, root quaternion, joints); None until one came.
+
+    Warns of a publisher that cannot be followed.
+    """
     newest: Pose | None = None
+    tell_trouble = show.warner()
 
     def poses() -> Pose | None:
         nonlocal newest
         frame = receiver.poll(clock())
+        tell_trouble(receiver.trouble)
         newest = newest if frame is None else pose_due(frame, receiver.gate.sender_ns(clock()))
         return newest
 
