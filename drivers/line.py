@@ -7,6 +7,8 @@ made no sense: the key may be allowed by now, and the bytes were damaged on the 
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
+from typing import Any
 
 import zmq
 from zmq.utils.monitor import recv_monitor_message
@@ -40,7 +42,7 @@ class Line:
             self.socket.disconnect(self._address)
             self.socket.connect(self._address)
 
-    def _note(self, event: dict[str, int], now_ns: int) -> None:
+    def _note(self, event: Mapping[str, Any], now_ns: int) -> None:
         kind = event["event"]
         self._gone_ns = None if kind & _DIALLING else now_ns
         if kind == zmq.Event.HANDSHAKE_SUCCEEDED:

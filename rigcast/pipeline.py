@@ -18,7 +18,7 @@ from sim.report import Report
 if TYPE_CHECKING:
     from sim.simulate import Rollout
 
-READABLE = (".bvh", ".npz", ".npy", ".csv")
+READABLE = (".bvh", ".npz", ".npy", ".csv", ".rigrec")
 DEFAULT_RIG = "puppet"
 
 
@@ -36,8 +36,9 @@ class Take:
 def read(path: Path, rig: str | None = None, style: Style = "ours", fps: float | None = None) -> Motion | Trajectory:
     """What is in a file of human motion or of a rig's trajectory, by its suffix and, where that says little, content.
 
-    `rig`, `style` and `fps` are for `.csv`, which says little of its own. Raises FileError or BvhError (both
-    ValueError) where it cannot be understood, RigError for an unknown rig, OSError where it cannot be opened.
+    `rig`, `style` and `fps` are for `.csv`, which says little of its own. Raises FileError, BvhError (both
+    ValueError) or StreamError where it cannot be understood, RigError for an unknown rig, OSError where it cannot be
+    opened.
     """
     if path.suffix not in READABLE:
         raise FileError(
@@ -48,11 +49,21 @@ def read(path: Path, rig: str | None = None, style: Style = "ours", fps: float |
     if path.suffix == ".csv":
         body = load_rig(rig or DEFAULT_RIG)
         return read_robot_csv(path, style, body.name, body.joint_names(), fps)
+    if path.suffix == ".rigrec":
+        return _recorded(path, rig)
     if path.suffix == ".npz" and "qpos" in npz_names(path):
         return load_trajectory(path)
     from motiongen.formats.reading import read_motion
 
     return read_motion(path)
+
+
+def _recorded(path: Path, rig: str | None) -> Trajectory:
+    from drivers.recorded import hello_in, trajectory_in
+    from drivers.recording import Recording
+
+    recording = Recording(path)
+    return trajectory_in(recording, load_rig(rig or hello_in(recording).rig))
 
 
 def take(what: Motion | Trajectory, rig: Rig, mount: Mount | None, times: Times) -> Take:

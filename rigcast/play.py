@@ -31,7 +31,8 @@ def play(
     """Retarget what is in FILE where it is human motion, check it in physics, then write, stream or show it.
 
     Args:
-        file: .bvh, .npz (rigcast's or AMASS), .npy (HumanML3D) or .csv (a rig's joints); see docs/files.md.
+        file: .bvh, .npz (rigcast's or AMASS), .npy (HumanML3D), .csv (a rig's joints) or .rigrec (a recorded stream);
+            see docs/files.md.
         rig: Name of a rig or path of its folder; by default the rig of the trajectory, or puppet.
         model: The rig's MJCF, where it is not where the rig looks for it.
         mount: How the base is held; by default as the rig says.

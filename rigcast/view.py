@@ -12,7 +12,7 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from drivers.endpoint import DEFAULT
-from retarget.rig import load_rig
+from retarget.rig import Rig, load_rig
 from rigcast import show
 
 if TYPE_CHECKING:
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from sim.view import Pose, Poses
 
 FILM_FPS = 25.0
+RECORDED = ".rigrec"
+PAUSE_NS = 1_000_000_000
 
 
 def view(
@@ -38,7 +40,7 @@ def view(
     """Show the stream on ENDPOINT in a window or in the browser until closed or Ctrl-C, or film a part of it.
 
     Args:
-        endpoint: Where `say --publish` streams to.
+        endpoint: Where `say --publish` streams to, or a recording (.rigrec), which is shown over and over.
         rig: Name of the rig that is streamed, or path of its folder.
         on: A MuJoCo window, or a page on this machine.
         port: Port of the page, on 127.0.0.1.
@@ -52,18 +54,23 @@ def view(
     from drivers.receiver import Receiver
 
     body = load_rig(rig)
+    if endpoint.endswith(RECORDED):
+        return _show(body, recorded(Path(endpoint), body), on, port, film, seconds)
     keys = keys_for(endpoints(endpoint), insecure=insecure, leader=leader)
     with Receiver(endpoint, rig_hash=body.hash, preview=True, keys=keys, leader=leader, insecure=insecure) as receiver:
-        poses = following(receiver)
-        if film is not None:
-            return _film(poses, film, seconds, rig)
-        from sim.view import view_native, view_web
+        return _show(body, following(receiver), on, port, film, seconds)
 
-        with suppress(KeyboardInterrupt):
-            if on == "native":
-                view_native(body, poses)
-            else:
-                view_web(body, poses, port=port)
+
+def _show(body: Rig, poses: Poses, on: Literal["native", "web"], port: int, film: Path | None, seconds: float) -> int:
+    if film is not None:
+        return _film(poses, film, seconds, body)
+    from sim.view import view_native, view_web
+
+    with suppress(KeyboardInterrupt):
+        if on == "native":
+            view_native(body, poses)
+        else:
+            view_web(body, poses, port=port)
     return 0
 
 
@@ -85,6 +92,29 @@ def following(receiver: Receiver, clock: Callable[[], int] = time.monotonic_ns) 
     return poses
 
 
+def recorded(path: Path, rig: Rig, clock: Callable[[], int] = time.monotonic_ns) -> Poses:
+    """The pose of the moment in a recording, which begins now and starts over a second after its end.
+
+    Raises StreamError where it holds no frame for `rig`.
+    """
+    from drivers.recorded import frames_in
+    from drivers.recording import Recording
+    from rigcast.record import warn_of_lost
+
+    recording = Recording(path)
+    frames = list(frames_in(recording, rig))
+    warn_of_lost(path, recording)
+    dues = np.maximum.accumulate([due for due, _ in frames])
+    began = clock()
+
+    def poses() -> Pose:
+        at = int(dues[0]) + (clock() - began) % int(dues[-1] - dues[0] + PAUSE_NS)
+        due, frame = frames[int(np.searchsorted(dues, at, side="right")) - 1]
+        return pose_due(frame, frame.due_ns + at - due)
+
+    return poses
+
+
 def pose_due(frame: Frame, sender_ns: int) -> Pose:
     """The sample of `frame` that is due at `sender_ns` on its sender's clock; its first or last where none is."""
     sample = min(max((sender_ns - frame.due_ns) // frame.period_ns, 0), len(frame.pos) - 1)
@@ -92,7 +122,7 @@ def pose_due(frame: Frame, sender_ns: int) -> Pose:
     return root[:3], root[3:], frame.pos[sample].astype(float)
 
 
-def _film(poses: Poses, path: Path, seconds: float, rig: str) -> int:
+def _film(poses: Poses, path: Path, seconds: float, rig: Rig) -> int:
     from sim.render import render_video
 
     rows: list[np.ndarray] = []
@@ -102,8 +132,8 @@ def _film(poses: Poses, path: Path, seconds: float, rig: str) -> int:
         if (pose := poses()) is not None:
             rows.append(np.concatenate(pose))
     if not rows:
-        show.warn(f"no frame for rig {rig!r} came within {seconds:g} s")
+        show.warn(f"no frame for rig {rig.name!r} came within {seconds:g} s")
         return 1
-    render_video(np.array(rows), FILM_FPS, load_rig(rig), path)
+    render_video(np.array(rows), FILM_FPS, rig, path)
     print(f"wrote {path}")
     return 0
