@@ -13,20 +13,22 @@ import numpy as np
 import zmq
 
 from drivers.clock import MonotonicClock, Ticker
-from drivers.doorkeeper import Doorkeeper
-from drivers.endpoint import DEFAULT, Endpoints, StreamError, endpoints
+from drivers.endpoint import DEFAULT, StreamError, endpoints
 from drivers.frame import UNCHECKED, Frame, FrameError, State, encode
-from drivers.keys import Keys, Right, require_guarded
+from drivers.keys import Keys
 from drivers.messages import MAX_MESSAGE_BYTES, Hello, RigState, Stop, pack, unpack
+from drivers.outlet import MOST_AT_ONCE, Outlet
 from drivers.rate import Rate
-from drivers.sockets import LINGER_MS, Context, Curve, Socket, open_socket
+from drivers.sockets import open_socket
+from drivers.watchdog import Patience
+from retarget.resample import resampled
 from retarget.rig import Rig
 from retarget.trajectory import Trajectory
 
 NS = 1_000_000_000
 HELLO_EVERY_NS = NS
-SUBSCRIBED = b"\x01"  # What an XPUB hands over when somebody asks for everything.
-MOST_AT_ONCE = 64  # A flooded socket may not keep the next frame waiting.
+MOST_HZ = 1000
+TOO_LATE_NS = int(Patience().hold_s * NS)
 MOST_STATES_PER_S = 1000  # Of one rig: as many as a control loop of 1 kHz tells.
 CLOSING_FRAMES = 3  # The end of the stream is said this often: a newest-only link may drop one.
 
@@ -52,55 +54,43 @@ class Publisher:
         self._hello_message = pack(hello)
         self._stop_message: bytes | None = None
         self._next_hello_ns = self._clock.now_ns()
-        self._heard = False
         self._refused: Counter[str] = Counter()
         self._rate = Rate(MOST_STATES_PER_S)
-        at = endpoints(address)
-        require_guarded(at, keys, insecure)
-        self._context: Context = zmq.Context()
-        self._doorkeeper = None if keys is None else Doorkeeper(self._context, keys)
-        self._sockets: list[Socket] = []
-        try:
-            self._open(at, keys)
-        except BaseException:
-            self._end(0)
-            raise
+        self._outlet = Outlet(address, keys, insecure)
 
     def wait_for_subscriber(self, timeout_s: float) -> bool:
         """Wait until a receiver has subscribed to the frames; False where none has after `timeout_s`."""
-        if not self._heard and self._frames.poll(int(timeout_s * 1000)):
-            self._heard = self._frames.recv() == SUBSCRIBED
-        return self._heard
+        return self._outlet.wait_for_subscriber(timeout_s)
 
     def send(self, frame: Frame) -> None:
         """Send one frame; receivers that cannot keep up lose it, nobody waits for them."""
         with contextlib.suppress(zmq.Again):
-            self._frames.send(encode(frame), zmq.NOBLOCK)
+            self._outlet.frames.send(encode(frame), zmq.NOBLOCK)
         self.tick()
 
     def tick(self) -> None:
         """Send the hello, and the stop once there is one, where a second has passed or somebody new is there."""
         now = self._clock.now_ns()
-        if now < self._next_hello_ns and not self._somebody_came():
+        if now < self._next_hello_ns and not self._outlet.somebody_came():
             return
         self._next_hello_ns = now + HELLO_EVERY_NS
         with contextlib.suppress(zmq.Again):
-            self._hello.send(self._hello_message, zmq.NOBLOCK)
+            self._outlet.hello.send(self._hello_message, zmq.NOBLOCK)
             if self._stop_message is not None:
-                self._stop.send(self._stop_message, zmq.NOBLOCK)
+                self._outlet.stop.send(self._stop_message, zmq.NOBLOCK)
 
     def stop(self, reason: str) -> None:
         """Tell every rig to switch its torque off, now and, for those that join later, with every hello."""
         self._stop_message = pack(Stop(reason))
-        self._stop.send(self._stop_message, zmq.NOBLOCK)
+        self._outlet.stop.send(self._stop_message, zmq.NOBLOCK)
 
     def states(self) -> list[RigState]:
         """What the rigs have told since the last call, `MOST_AT_ONCE` at most; what cannot be read is skipped."""
         found: list[RigState] = []
         with contextlib.suppress(zmq.Again):
             for _ in range(MOST_AT_ONCE):
-                message = self._state.recv(zmq.NOBLOCK, copy=False)
-                if not self._rate.allows(self._sender(message), self._clock.now_ns()):
+                message = self._outlet.state.recv(zmq.NOBLOCK, copy=False)
+                if not self._rate.allows(self._outlet.sender(message), self._clock.now_ns()):
                     self._refused["rate"] += 1
                     continue
                 try:
@@ -112,47 +102,11 @@ class Publisher:
     @property
     def refused(self) -> Counter[str]:
         """How often who or what was refused: `message` and `rate`; with keys also `stranger` and `handshake`."""
-        return self._refused + (self._doorkeeper.refused if self._doorkeeper else Counter())
+        return self._refused + self._outlet.refused
 
     def close(self) -> None:
-        """Let the last messages leave (for at most `LINGER_MS`) and close all sockets."""
-        self._end(LINGER_MS)
-
-    def _somebody_came(self) -> bool:
-        came = False
-        with contextlib.suppress(zmq.Again):
-            for _ in range(MOST_AT_ONCE):
-                came |= self._hello.recv(zmq.NOBLOCK) == SUBSCRIBED
-        return came
-
-    def _open(self, at: Endpoints, keys: Keys | None) -> None:
-        try:
-            # XPUB is PUB that also hands over the subscriptions, so that the first frame can wait for one, and whoever
-            # comes is greeted at once.
-            self._frames = self._bind(zmq.XPUB, at.frames, keys, "follow")
-            self._hello = self._bind(zmq.XPUB, at.hello, keys, "follow")
-            self._hello.setsockopt(zmq.XPUB_VERBOSE, 1)
-            self._stop = self._bind(zmq.PUB, at.stop, keys, "follow")
-            self._state = self._bind(zmq.SUB, at.state, keys, "control")
-        finally:
-            if self._doorkeeper is not None:
-                self._doorkeeper.start()
-
-    def _bind(self, kind: int, address: str, keys: Keys | None, right: Right) -> Socket:
-        curve = None if keys is None else Curve(keys.secret, right)
-        socket = open_socket(self._context, kind, address, bind=True, max_bytes=MAX_MESSAGE_BYTES, curve=curve)
-        self._sockets.append(socket)
-        if self._doorkeeper is not None:
-            self._doorkeeper.watch(socket)
-        return socket
-
-    def _sender(self, message: zmq.Frame) -> str:
-        return "" if self._doorkeeper is None else str(message.get("User-Id"))
-
-    def _end(self, linger_ms: int) -> None:
-        for socket in self._sockets:
-            socket.close(linger_ms)
-        self._context.term()
+        """Let the last messages leave and close all sockets."""
+        self._outlet.close()
 
     def __enter__(self) -> Publisher:
         return self
@@ -228,14 +182,19 @@ def frames_of(trajectory: Trajectory, rig: Rig, report_id: str, stream: int, sta
 
 @dataclass(frozen=True)
 class Published:
-    """What `publish` did: frames sent, the time of the first, how late the latest was, whether anybody listened.
+    """What `publish` did: frames sent, the time of the first, whether anybody listened.
 
-    `refused`: who and what was turned away, by reason (see `Publisher.refused`).
+    How late frames left after their deadline, in seconds: half of them, 99 in 100 and the latest. `skipped` were so
+    late that no rig would have followed them, and were not sent. `refused`: who and what was turned away, by reason
+    (see `Publisher.refused`).
     """
 
     frames: int
     first_ns: int
+    median_late_s: float
+    p99_late_s: float
     worst_late_s: float
+    skipped: int
     heard: bool
     refused: dict[str, int]
     states: tuple[RigState, ...] = field(default=(), repr=False)
@@ -247,16 +206,23 @@ def publish(
     report_id: str = UNCHECKED,
     address: str = DEFAULT,
     *,
+    rate_hz: float | None = None,
     wait_s: float = 0.0,
     keys: Keys | None = None,
     insecure: bool = False,
     clock: Ticker | None = None,
 ) -> Published:
-    """Stream `trajectory` once, in real time; frame k leaves at start + k / fps, whatever the ones before it cost.
+    """Stream `trajectory` once, in real time; frame k leaves at start + k / rate, whatever the ones before it cost.
 
-    Waits up to `wait_s` for a first receiver. Without a `report_id` only previews will follow. `keys` and `insecure`
-    are the Publisher's. Raises StreamError as it does, and where the trajectory is not of this rig.
+    `rate_hz` 1…1000 frames a second, linear between those of the trajectory; by default its own. Frames that are late
+    leave at once; those that rigs would refuse as too old by then are skipped. Waits up to `wait_s` for a first
+    receiver. Without a `report_id` only previews will follow. `keys` and `insecure` are the Publisher's. Raises
+    StreamError as it does, and where the trajectory is not of this rig.
     """
+    if rate_hz is not None:
+        if not 1 <= rate_hz <= MOST_HZ:
+            raise StreamError(f"rate {rate_hz:g} Hz; it must be in 1…{MOST_HZ}")
+        trajectory = resampled(trajectory, rate_hz)
     clock = clock or MonotonicClock()
     stream = secrets.randbits(32)
     states: list[RigState] = []
@@ -264,13 +230,17 @@ def publish(
     with Publisher(hello, address, keys=keys, insecure=insecure, clock=clock) as publisher:
         heard = publisher.wait_for_subscriber(wait_s)
         start = clock.now_ns()
-        worst, count = 0, 0
+        late: list[int] = []
+        skipped = 0
         for frame in frames_of(trajectory, rig, report_id, stream, start):
             clock.sleep_until_ns(frame.due_ns)
-            worst = max(worst, clock.now_ns() - frame.due_ns)
+            late.append(clock.now_ns() - frame.due_ns)
+            if late[-1] > TOO_LATE_NS and frame.state == State.PLAY:
+                skipped += 1
+                continue
             publisher.send(frame)
             states += publisher.states()
-            count += 1
         heard = publisher.wait_for_subscriber(0) or heard
         refused = dict(publisher.refused)
-    return Published(count, start, worst / NS, heard, refused, tuple(states))
+    median, p99, worst = (float(np.quantile(late, q, method="higher")) / NS for q in (0.5, 0.99, 1.0))
+    return Published(len(late) - skipped, start, median, p99, worst, skipped, heard, refused, tuple(states))

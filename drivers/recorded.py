@@ -13,6 +13,7 @@ from drivers.gate import NS, Gate
 from drivers.messages import Hello, unpack
 from drivers.recording import Channel, Record
 from motiongen.motion import Label, Source
+from retarget.resample import interpolate
 from retarget.rig import Rig
 from retarget.trajectory import Trajectory
 
@@ -58,9 +59,7 @@ def trajectory_in(records: Iterable[Record], rig: Rig) -> Trajectory:
     count = math.floor(seconds * hello.rate_hz + 0.5) + 1
     if count > MOST_SAMPLES:
         raise StreamError(f"the recording is {seconds:.0f} s long; {MOST_SAMPLES} samples are read at most")
-    at = (times - times[0]) / NS
-    qpos = np.stack([np.interp(np.arange(count) / hello.rate_hz, at, column) for column in rows.T], 1)
-    qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)
+    qpos = interpolate((times - times[0]) / NS, rows, np.arange(count) / hello.rate_hz)
     labels = (Label(0.0, seconds, hello.text),) if hello.text and seconds else ()
     return Trajectory(
         qpos,
@@ -86,7 +85,4 @@ def _samples(frames: Iterable[tuple[int, Frame]]) -> tuple[np.ndarray, np.ndarra
         rows += list(np.concatenate([frame.root, frame.pos], axis=1).astype(float))
     if not times:
         raise StreamError("the recording holds no frame that says play")
-    all_rows = np.array(rows)
-    flips = np.cumprod(np.where((all_rows[1:, 3:7] * all_rows[:-1, 3:7]).sum(1) < 0, -1.0, 1.0))
-    all_rows[1:, 3:7] *= flips[:, None]  # q and -q turn alike; between them there is no way
-    return np.array(times), all_rows
+    return np.array(times), np.array(rows)

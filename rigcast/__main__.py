@@ -15,6 +15,7 @@ VERBS = {
     "play": ("rigcast.play:play", "the same from a motion or trajectory file"),
     "check": ("rigcast.check:check", "the physics report on a file"),
     "view": ("rigcast.view:view", "preview what is on the wire, or what was"),
+    "relay": ("rigcast.relay:relay", "pass a stream on, to other networks or many receivers"),
     "record": ("rigcast.record:record", "write what is on the wire to a file"),
     "replay": ("rigcast.record:replay", "stream a recording again, or write it as MCAP"),
     "drive": ("rigcast.drive:drive", "put what is on the wire on a servo bus"),

@@ -30,6 +30,8 @@ class Delivery:
     .json (report); docs/files.md has the rest."""
     publish: Annotated[str | None, arg(metavar="ENDPOINT")] = None
     """ZeroMQ endpoint to stream to, such as tcp://127.0.0.1:5555."""
+    rate: Annotated[float | None, arg(metavar="HZ")] = None
+    """Frames a second on the wire, 1 to 1000; by default as many as were checked."""
     insecure: bool = False
     """Stream without encryption and to everybody, where other machines reach the endpoint."""
     view: Literal["native", "web", "none"] = "none"
@@ -107,6 +109,7 @@ def _publish(take: Take, how: Delivery, times: Times) -> dict[str, Any] | None:
             take.rig,
             report_id,
             how.publish,
+            rate_hz=how.rate,
             wait_s=LISTENER_WAIT_S,
             keys=keys,
             insecure=how.insecure,
@@ -114,7 +117,7 @@ def _publish(take: Take, how: Delivery, times: Times) -> dict[str, Any] | None:
     if not sent.heard:
         show.warn(f"nobody listened on {how.publish}; start `rigcast view` or `rigcast drive` first")
     first_frame_s = sent.first_ns * 1e-9 - BEGAN
-    facts = {k: v for k, v in asdict(sent).items() if k in ("frames", "worst_late_s", "heard", "refused")}
+    facts = {k: v for k, v in asdict(sent).items() if k not in ("first_ns", "states")}
     return {"endpoint": how.publish, "report_id": report_id, "first_frame_s": first_frame_s, **facts}
 
 

@@ -4,6 +4,7 @@ import random
 import socket
 import struct
 import sys
+import threading
 import time
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -23,6 +24,7 @@ from drivers.messages import RigState, Stop, pack, unpack
 from drivers.publisher import MOST_STATES_PER_S, Publisher, frames_of, hello_for
 from drivers.rate import Rate
 from drivers.receiver import Receiver
+from drivers.relay import relay
 from drivers.sockets import Curve, open_socket
 
 RIG = small_rig()
@@ -319,8 +321,8 @@ def test_noise_to_a_rig_is_counted_and_never_a_stop():
         told = msgspec.msgpack.encode({"type": "rigcast.stop.1"})  # no reason: not a stop
 
         def enough():
-            send.publisher._stop.send(rng.choice([told, rng.randbytes(30), pack(hello)]))
-            send.publisher._hello.send(rng.choice([b"", rng.randbytes(30), pack(STATE)]))
+            send.publisher._outlet.stop.send(rng.choice([told, rng.randbytes(30), pack(hello)]))
+            send.publisher._outlet.hello.send(rng.choice([b"", rng.randbytes(30), pack(STATE)]))
             return follows(send, receiver) and receiver.gate.refused["message"] > 100
 
         until(enough)
@@ -354,3 +356,37 @@ def test_the_rate_is_each_sender_s_own_and_comes_back_with_time():
     assert rate.allows("a", 5 * NS + NS // 10)
     assert not rate.allows("a", 5 * NS + NS // 10)
     assert sum(rate.allows("a", 60 * NS) for _ in range(50)) == 10
+
+
+# --- passed on
+
+
+def test_a_relay_passes_on_what_it_may_and_to_whom_it_may():
+    middle = pair()
+    desk, pi = knowing(DESK, relay=(middle, "follow control")), knowing(PI, relay=(middle, "lead"))
+    middle = knowing(middle, desk=(DESK, "lead"), pi=(PI, "follow control"))
+    source, address, ended, passed = free_address(), free_address(), threading.Event(), []
+
+    def work():
+        nothing = (lambda trouble: None,)
+        passed.append(relay(source, address, ended.is_set, *nothing, keys=middle, source_keys=middle))
+
+    thread = threading.Thread(target=work)
+    with sending(desk, source) as send, Receiver(address, rig_hash=RIG.hash, keys=pi) as receiver:
+        thread.start()
+        try:
+            until(lambda: follows(send, receiver))
+            assert until(lambda: send() or receiver.send_state(STATE) or send.publisher.states())[0] == STATE
+            send.publisher.stop("enough")
+            until(lambda: receiver.poll(time.monotonic_ns()) or receiver.watchdog.mode == "stopped")
+            with (
+                Receiver(address, rig_hash=RIG.hash, keys=pi) as late,  # hears the hello and the stop all the same
+                Receiver(address, rig_hash=RIG.hash, keys=STRANGER, leader="desk") as stranger,
+            ):
+                until(lambda: late.poll(time.monotonic_ns()) or (late.hello and late.watchdog.mode == "stopped"))
+                until(lambda: stranger.poll(time.monotonic_ns()) or "not the leader's" in stranger.trouble)
+                assert (stranger.gate.accepted, stranger.hello) == (0, None)
+        finally:
+            ended.set()
+            thread.join()
+    assert passed[0] > 3

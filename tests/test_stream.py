@@ -15,6 +15,7 @@ from drivers.messages import RigState
 from drivers.publisher import Publisher, frames_of, hello_for, publish, require_free
 from drivers.receiver import Receiver
 from drivers.watchdog import Patience, Watchdog
+from retarget.resample import resampled
 from retarget.rig import Foot
 
 RIG = small_rig()
@@ -238,7 +239,60 @@ def test_deadlines_are_absolute():
     done = publish(swing(RIG, 0.5), RIG, REPORT, free_address(), clock=clock)
     assert clock.slept == [100 * S + k * 20 * MS for k in range(26 + 3)]
     assert (done.frames, done.heard, done.first_ns) == (29, False, 100 * S)
-    assert done.worst_late_s == pytest.approx(0.003)
+    assert (done.median_late_s, done.p99_late_s, done.worst_late_s) == (0.003, 0.003, 0.003)
+    assert done.skipped == 0
+
+
+class StallingClock(FakeClock):
+    """Stands still for a second, once, at 100.2 s."""
+
+    def now_ns(self) -> int:
+        if 100 * S + 200 * MS <= self.ns < 101 * S:
+            self.ns += S
+        return self.ns
+
+
+def test_after_a_stall_what_is_too_old_is_skipped_and_the_rest_is_in_time():
+    done = publish(swing(RIG, 2.0), RIG, REPORT, free_address(), clock=StallingClock())
+    assert done.skipped == 35  # due at 0.20 … 0.88 s, at 1.20 s: older than 0.3 s
+    assert done.frames == 101 + 3 - 35
+    assert done.worst_late_s == pytest.approx(1.0)
+    assert (done.median_late_s, done.p99_late_s) == (0.0, pytest.approx(0.98))
+
+
+def test_the_wire_rate_is_as_asked_and_keeps_the_motion():
+    clock = FakeClock()
+    done = publish(swing(RIG, 0.5), RIG, REPORT, free_address(), rate_hz=200, clock=clock)
+    assert clock.slept == [100 * S + k * 5 * MS for k in range(101 + 3)]
+    assert done.frames == 104
+    for rate in (0.5, 1001, float("nan")):
+        with pytest.raises(StreamError, match=r"rate .* 1…1000"):
+            publish(swing(RIG, 0.5), RIG, REPORT, free_address(), rate_hz=rate, clock=clock)
+
+
+@pytest.mark.parametrize("fps", [200.0, 60.0, 7.0])
+def test_resampling_is_linear_between_frames_and_ends_at_the_last(fps):
+    before = replace(swing(RIG, 0.5), contacts={"left": np.arange(26) < 13})
+    after = resampled(before, fps)
+    at = np.minimum(np.arange(len(after)) / fps, 0.5)
+    assert at[-1] == 0.5
+    assert len(after) == np.ceil(0.5 * fps) + 1
+    angle = 0.2 + 0.2 * (1 - np.cos(2 * np.pi * at))
+    np.testing.assert_allclose(after.qpos[:, 7], angle, atol=0.4 * np.pi**2 * 0.02**2 / 4 + 1e-9)  # h²/8 · max |f''|
+    np.testing.assert_array_equal(after.contacts["left"], np.rint(at * 50) < 13)
+    same = resampled(before, 50.0)
+    np.testing.assert_array_equal(same.qpos, before.qpos)
+
+
+def test_a_turn_is_resampled_the_short_way():
+    before = swing(RIG, 1.0)
+    yaw = np.arange(51) * 0.1  # 5.7° a frame, most of a turn
+    qpos = before.qpos.copy()
+    qpos[:, 3], qpos[:, 6] = np.cos(yaw / 2), np.sin(yaw / 2)
+    qpos[::3, 3:7] *= -1
+    after = resampled(replace(before, qpos=qpos), 175.0)
+    found = np.unwrap(2 * np.arctan2(after.qpos[:, 6], after.qpos[:, 3]), period=4 * np.pi)
+    np.testing.assert_allclose(found - found[0], np.minimum(np.arange(len(after)) / 175, 1) * 5, atol=1e-4)
 
 
 def test_the_receiver_sees_the_newest_frame_only():

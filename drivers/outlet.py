@@ -1,0 +1,88 @@
+"""The four sockets that a stream is sent from, and who may connect to them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import Counter
+
+import zmq
+
+from drivers.doorkeeper import Doorkeeper
+from drivers.endpoint import Endpoints, endpoints
+from drivers.keys import Keys, Right, require_guarded
+from drivers.messages import MAX_MESSAGE_BYTES
+from drivers.sockets import LINGER_MS, Context, Curve, Socket, open_socket
+
+MOST_AT_ONCE = 64  # A flooded socket may not keep the next frame waiting.
+SUBSCRIBED = b"\x01"  # What an XPUB hands over when somebody asks for everything.
+
+
+class Outlet:
+    """Binds `frames`, `hello` and `stop` to send on, and `state` to hear the rigs; for use from one thread.
+
+    With `keys` all is encrypted, keys that may follow receive and keys that may control send. Raises StreamError where
+    the address is busy, or open to other machines with neither `keys` nor `insecure`.
+    """
+
+    def __init__(self, address: str, keys: Keys | None, insecure: bool) -> None:
+        at = endpoints(address)
+        require_guarded(at, keys, insecure)
+        self._context: Context = zmq.Context()
+        self._doorkeeper = None if keys is None else Doorkeeper(self._context, keys)
+        self._sockets: list[Socket] = []
+        self._heard = False
+        try:
+            self._open(at, keys)
+        except BaseException:
+            self.close(0)
+            raise
+
+    @property
+    def refused(self) -> Counter[str]:
+        """Connections that were not let in: `stranger` and `handshake`; none are counted without keys."""
+        return Counter() if self._doorkeeper is None else Counter(self._doorkeeper.refused)
+
+    def wait_for_subscriber(self, timeout_s: float) -> bool:
+        """Wait until somebody has subscribed to the frames; False where nobody has after `timeout_s`."""
+        if not self._heard and self.frames.poll(int(timeout_s * 1000)):
+            self._heard = self.frames.recv() == SUBSCRIBED
+        return self._heard
+
+    def somebody_came(self) -> bool:
+        """Whether somebody has subscribed to the hello since the last call."""
+        came = False
+        with contextlib.suppress(zmq.Again):
+            for _ in range(MOST_AT_ONCE):
+                came |= self.hello.recv(zmq.NOBLOCK) == SUBSCRIBED
+        return came
+
+    def sender(self, message: zmq.Frame) -> str:
+        """Whose key a message on `state` came with, in hex; "" without keys."""
+        return "" if self._doorkeeper is None else str(message.get("User-Id"))
+
+    def close(self, linger_ms: int = LINGER_MS) -> None:
+        """Let the last messages leave, for at most `linger_ms`, and close all sockets."""
+        for socket in self._sockets:
+            socket.close(linger_ms)
+        self._context.term()
+
+    def _open(self, at: Endpoints, keys: Keys | None) -> None:
+        try:
+            # XPUB is PUB that also hands over the subscriptions, so that the first frame can wait for one, and whoever
+            # comes is greeted at once.
+            self.frames = self._bind(zmq.XPUB, at.frames, keys, "follow")
+            self.hello = self._bind(zmq.XPUB, at.hello, keys, "follow")
+            self.hello.setsockopt(zmq.XPUB_VERBOSE, 1)
+            self.stop = self._bind(zmq.PUB, at.stop, keys, "follow")
+            self.state = self._bind(zmq.SUB, at.state, keys, "control")
+        finally:
+            if self._doorkeeper is not None:
+                self._doorkeeper.start()
+
+    def _bind(self, kind: int, address: str, keys: Keys | None, right: Right) -> Socket:
+        curve = None if keys is None else Curve(keys.secret, right)
+        socket = open_socket(self._context, kind, address, bind=True, max_bytes=MAX_MESSAGE_BYTES, curve=curve)
+        self._sockets.append(socket)
+        if self._doorkeeper is not None:
+            self._doorkeeper.watch(socket)
+        return socket
