@@ -28,6 +28,7 @@ bench: $(STAMP)
 	$(BIN)/python benchmarks/cold_start.py --quick
 	$(BIN)/python benchmarks/evaluation.py --quick
 	$(BIN)/python benchmarks/generators.py --quick
+	$(BIN)/python benchmarks/stream.py --quick
 
 results: $(STAMP)
 	$(BIN)/python benchmarks/results.py $(RUNS)

@@ -50,11 +50,10 @@ class Outlet:
 
     def somebody_came(self) -> bool:
         """Whether somebody has subscribed to the hello since the last call."""
-        came = False
-        with contextlib.suppress(zmq.Again):
-            for _ in range(MOST_AT_ONCE):
-                came |= self.hello.recv(zmq.NOBLOCK) == SUBSCRIBED
-        return came
+        events = _drained(self.hello)
+        if events:  # They come and go on both, and what is not read piles up.
+            self._heard |= SUBSCRIBED in _drained(self.frames)
+        return SUBSCRIBED in events
 
     def sender(self, message: zmq.Frame) -> str:
         """Whose key a message on `state` came with, in hex; "" without keys."""
@@ -86,3 +85,11 @@ class Outlet:
         if self._doorkeeper is not None:
             self._doorkeeper.watch(socket)
         return socket
+
+
+def _drained(socket: Socket) -> list[bytes]:
+    events: list[bytes] = []
+    with contextlib.suppress(zmq.Again):
+        while len(events) < MOST_AT_ONCE:
+            events.append(socket.recv(zmq.NOBLOCK))
+    return events
