@@ -63,8 +63,9 @@ def a_hello() -> Hello:
 
 
 def throughput(count: int, rounds: int) -> dict[str, float]:
-    """Messages from one socket to another of this process in a second of CPU (all threads): bare, with our options, with
-    CURVE, by turns. Wall time would measure what else runs on the machine. The best of all rounds counts.
+    """Messages from one socket to another of this process, in a second of CPU of all its threads, the best of all rounds.
+
+    Bare, with our options and with CURVE, by turns. Wall time would measure what else runs on the machine.
     """
     keys = Keys(z85.decode(zmq.curve_keypair()[1]), {})
     best = {"bare": 0.0, "ours": 0.0, "curve": 0.0}
