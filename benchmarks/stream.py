@@ -63,7 +63,7 @@ def a_hello() -> Hello:
 
 
 def throughput(count: int, rounds: int) -> dict[str, float]:
-    """Messages from one socket to another of this process, in a second of CPU of all its threads, the best of all rounds.
+    """Messages from one socket to another of this process, in a second of CPU of all its threads, best of all rounds.
 
     Bare, with our options and with CURVE, by turns. Wall time would measure what else runs on the machine.
     """
