@@ -40,7 +40,7 @@ SEAM_S = 0.5
 
 def editing(options: Options) -> Part:
     """What is kept, and the seams, over clips and ranges and over clips and parts."""
-    generator, clips = DiffusionGenerator(), _clips(QUICK_CLIPS if options.quick else CLIPS)
+    generator, clips = DiffusionGenerator(options.weights), _clips(QUICK_CLIPS if options.quick else CLIPS)
     rows = [("what is kept", "moved by, m", "jump at seams / clip's own, median", "most")]
     moved, ratios = [], []
     for name, ranges in RANGES.items():
@@ -67,7 +67,7 @@ def editing(options: Options) -> Part:
 
 def timeline(options: Options) -> Part:
     """A story of four lines, 20 s: is each told in its time, and are its seams within what gestures do themselves?"""
-    generator, seeds = DiffusionGenerator(), range(QUICK_SEEDS if options.quick else SEEDS)
+    generator, seeds = DiffusionGenerator(options.weights), range(QUICK_SEEDS if options.quick else SEEDS)
     stories = [generator.generate_timeline(STORY, seed=seed) for seed in seeds]
     told = {e.text: np.mean([_does(_cut(story, e.start_s, e.end_s), e.text) for story in stories]) for e in STORY}
     own = max(sharpest(clip) for clip in _clips(CLIPS))

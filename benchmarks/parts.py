@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from lines import Line
+
+from motiongen.diffusion.weights import FOLDER
+from motiongen.generator import WEIGHTS_SUFFIX
 
 
 @dataclass(frozen=True)
 class Options:
-    """`quick`: all parts together under a minute on one core."""
+    """`quick`: all parts together about a minute on one core. `generator`: the name of a diffusion generator, or a
+    file of weights; `data`: a built data set, for what needs one."""
 
     quick: bool
+    generator: str = "mdm"
+    data: Path | None = None
+
+    @property
+    def weights(self) -> Path:
+        """The file of the generator's weights."""
+        path = Path(self.generator)
+        return path if path.suffix == WEIGHTS_SUFFIX else FOLDER / f"{self.generator}{WEIGHTS_SUFFIX}"
 
 
 @dataclass(frozen=True)

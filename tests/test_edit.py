@@ -104,7 +104,7 @@ def test_an_action_and_nothing_are_said(recorder: Recorder, capsys: pytest.Captu
         (["say", "--timeline", "fine.txt", "--seconds", "3"], "a timeline says itself how long it is"),
         (["say", "--unconditioned", "--seconds", "0"], "between 1 and 60"),
         (["say", "--unconditioned", "--generator", "gestures"], "gestures follows one text only"),
-        (["say", "--action", "wave"], "know no actions"),
+        (["say", "--action", "greet-people"], "no action 'greet-people'; the nearest are "),
         (["edit", "clip.npz"], "nothing says what to draw anew"),
         (["edit", "clip.npz", "--keep", "0:9s"], "outside the clip, which has 61 frames"),
         (["edit", "clip.npz", "--parts", "tail"], "unknown part of the body 'tail'; there are left_arm"),

@@ -12,6 +12,7 @@ from motiongen.diffusion.planting import planted
 from motiongen.diffusion.ranges import RangeError, kept_frames, runs
 from motiongen.features import PLANAR, TURNS, YAW, motion_to_features, root_path
 from motiongen.generator import load_generator
+from motiongen.gestures.catalogue import perform
 from motiongen.motion import SMPL_JOINTS, Motion, Skeleton
 from motiongen.rotation import quat_mul, quat_to_matrix, yaw_quat
 
@@ -82,14 +83,34 @@ def test_easing_meets_place_and_speed() -> None:
     t = np.arange(60.0)[:, None]
     known, drawn = 0.1 * t, np.full((60, 1), 7.0)
     kept = (t < 20)[:, 0] | (t >= 50)[:, 0]
-    out = eased(drawn, known, kept, (12, 12))
+    out = eased(drawn, known, kept, 12)
     assert (out[kept] == known[kept]).all()
     speed = np.diff(out[:, 0])
-    assert speed[19] == pytest.approx(0.1, abs=0.05)  # … of the step into the first frame that was drawn
-    assert speed[49] == pytest.approx(0.1, abs=0.05)
+    assert speed[19] == pytest.approx(0.1, abs=0.1)  # … of the step into the first frame that was drawn
+    assert speed[49] == pytest.approx(0.1, abs=0.1)
     assert np.abs(out[32:38] - 7).max() < 1e-9
     hard = np.where(kept[:, None], known, drawn)
     assert np.abs(np.diff(out[:, 0], 2)).max() < 0.2 * np.abs(np.diff(hard[:, 0], 2)).max()
+
+
+def test_easing_is_the_least_jerk_and_leaves_movement_alone() -> None:
+    t = np.arange(80.0)[:, None]
+    kept, moving = (t < 20)[:, 0], np.sin(t / 9)
+    out = eased(moving + 1, moving, kept, 24)
+    u = np.arange(1, 25) / 25
+    assert np.abs((out - moving)[20:44, 0] - (10 * u**3 - 15 * u**4 + 6 * u**5)).max() < 0.03  # Flash & Hogan 1985
+    assert np.abs(out - moving - 1)[44:].max() < 1e-9
+    assert np.abs(np.diff(out[15:50, 0], 2)).max() < 0.01 + np.abs(np.diff(moving[:, 0], 2)).max()
+    elsewhere = np.where(kept[:, None], 50.0, moving + 1)  # what is drawn there does not matter
+    assert (eased(elsewhere, moving, kept, 24) == out).all()
+
+
+def test_easing_short_gaps_and_nothing_kept() -> None:
+    t = np.arange(12.0)[:, None]
+    kept = (t < 5)[:, 0] | (t >= 8)[:, 0]
+    assert np.abs(eased(np.zeros_like(t), t**2, kept, 24) - t**2).max() < 1e-9
+    assert (eased(t, 0 * t, np.zeros(12, bool), 24) == t).all()
+    assert (eased(t[:2], 0 * t[:2], np.array([True, False]), 24) == [[0], [1]]).all()
 
 
 def test_a_drawn_path_arrives_where_the_kept_one_goes_on() -> None:
@@ -161,6 +182,18 @@ def test_kept_frames_come_out_as_they_went_in(generator, keep: str, fps: float) 
     assert jumps(out)[np.array(seams) - 1].max() < 2 * jumps(clip).max()
 
 
+@pytest.mark.parametrize("keep", ["0:1s,3s:", "2s:"])
+def test_nothing_jumps_where_the_network_expects_something_else(generator, keep: str) -> None:
+    clip = perform("squat", seed=15)
+    rows = np.minimum(np.arange(120), len(clip) - 1)  # stands still at its end, arms down
+    clip = replace(clip, root_pos=clip.root_pos[rows], joint_quat=clip.joint_quat[rows], contacts=None)
+    out = generator.edit(clip, "a person raises both hands", keep=keep, seed=15)
+    kept = kept_frames(keep, len(clip), clip.fps)
+    seams = [f for run in runs(~kept) for end in run for f in (end - 1, end) if 1 <= f <= len(clip) - 2]
+    assert jumps(out)[np.array(seams) - 1].max() < 2 * max(jumps(clip).max(), 0.25)
+    assert jumps(out).max() < 2.5
+
+
 def test_a_long_gap_is_drawn_in_windows_and_arrives(generator) -> None:
     clip = walk(seconds=16)
     out = generator.edit(clip, "walk forward", keep="0:1s,15s:", seed=0)
@@ -183,7 +216,7 @@ def test_other_parts_and_the_root_stay(generator, parts: tuple[str, ...], moved:
     apart = 2 * np.arccos(np.clip(np.abs(np.sum(out.joint_quat * clip.joint_quat, axis=-1)), 0, 1))
     assert (out.root_pos == clip.root_pos).all()
     for j, name in enumerate(SMPL_JOINTS):
-        assert (apart[:, j].max() > 0.02) == (name in moved), name
+        assert (apart[:, j].max() > 1e-3) == (name in moved), name
 
 
 def test_parts_in_some_frames_only(generator) -> None:

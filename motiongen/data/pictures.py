@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from motiongen.data.dataset import Dataset, Entry
 from motiongen.files import replacing
-from motiongen.motion import Motion
+from motiongen.motion import Motion, Skeleton
 
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw
@@ -52,7 +52,7 @@ def draw_clips(dataset: Dataset, numbers: Sequence[int], path: Path) -> None:
         pen.line([(0, floor), (picture.width, floor)], fill=FLOOR)
         for column, frame in enumerate(np.linspace(0, len(motion) - 1, POSES).round().astype(int)):
             foot = np.array([(column + 0.5) * CELL[0], floor])
-            _draw_figure(pen, motion, foot + _seen(motion, int(frame)))
+            draw_figure(pen, motion.skeleton, foot + _seen(motion, int(frame)))
     with replacing(path) as unfinished:
         picture.quantize(32).save(unfinished, format="PNG", optimize=True)
 
@@ -60,15 +60,21 @@ def draw_clips(dataset: Dataset, numbers: Sequence[int], path: Path) -> None:
 def _seen(motion: Motion, frame: int) -> NDArray[np.float64]:
     """Joints (J, 2) of a frame in pixels, right and down, from where the pelvis stands on the floor."""
     at = motion.positions()[frame]
-    x, y, z = (at - [*at[0, :2], 0.0]).T
-    return PIXELS_PER_M * np.stack([y * np.cos(SIDEWAYS) + x * np.sin(SIDEWAYS), -z], axis=1)
+    return PIXELS_PER_M * in_view(at - [*at[0, :2], 0.0])
 
 
-def _draw_figure(pen: ImageDraw, motion: Motion, at: NDArray[np.float64]) -> None:
-    names, parents = motion.skeleton.names, motion.skeleton.parents
-    for j, parent in enumerate(parents):
+def in_view(at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (..., 3) in metres as they are seen: right and down (..., 2), from the origin."""
+    x, y, z = np.moveaxis(at, -1, 0)
+    return np.stack([y * np.cos(SIDEWAYS) + x * np.sin(SIDEWAYS), -z], axis=-1)
+
+
+def draw_figure(pen: ImageDraw, skeleton: Skeleton, at: NDArray[np.float64], size: float = 1.0) -> None:
+    """Lines between the joints at `at` (J, 2) in pixels, `size` times as thick as in a row of poses."""
+    names, thick = skeleton.names, round(3 * size)
+    for j, parent in enumerate(skeleton.parents):
         if parent >= 0:
             side = LEFT if names[j].startswith("left") else RIGHT if names[j].startswith("right") else INK
-            pen.line([tuple(at[parent]), tuple(at[j])], fill=side, width=3)
+            pen.line([tuple(at[parent]), tuple(at[j])], fill=side, width=thick)
     x, y = at[names.index("head")]
-    pen.ellipse([x - 6, y - 9, x + 6, y + 4], outline=INK, width=2)
+    pen.ellipse([x - 6 * size, y - 9 * size, x + 6 * size, y + 4 * size], outline=INK, width=thick - 1)

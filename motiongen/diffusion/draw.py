@@ -10,13 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.diffusion import mdm_run, mixing, motiondiffuse_run
+from motiongen.diffusion.meeting import Meeting, meetings, mixed_turns
 from motiongen.diffusion.said import Said, with_nothing
-from motiongen.diffusion.samplers import SAMPLERS, Denoiser, from_noise, guided, seeded, to_noise
+from motiongen.diffusion.samplers import SAMPLERS, Denoiser, Samples, from_noise, guided, seeded
 from motiongen.diffusion.schedule import SCHEDULES, even_ratios
 from motiongen.diffusion.weights import Weights, WeightsError
+from motiongen.features import TURNS
 from motiongen.nn import Floats
 
-OVERLAP = 30  # frames in which one pass goes over into the next
+OVERLAP = 30  # frames that two windows of one long text share
+FADE = 12  # frames in which one pass goes over into the next: the longer, the more it draws of what is not its own
+GUIDANCE = 1.5  # more of it overdoes what a text says: turns on the way go too far
 LAM_PARTS, LAM_TIMES = 0.01, 0.01  # λ₁ of Eq. 10 and λ₂ of Eq. 11 (Zhang et al. 2022)
 
 Constraint = Callable[[Denoiser], Denoiser]
@@ -26,11 +30,12 @@ _PREDICTIONS = ("x0", "noise")
 
 @dataclass(frozen=True)
 class Drawing:
-    """How to draw: the name of the sampler, its passes, the scale of guidance."""
+    """How to draw: the name of the sampler, its passes, the scale of guidance, λ₁ of Eq. 10."""
 
     sampler: str
     steps: int
     guidance: float
+    lam_parts: float = LAM_PARTS
 
 
 @dataclass(frozen=True)
@@ -89,25 +94,44 @@ def draw(
     noise = seeded(seeds, max(total, model.window), total, len(model.mean))
     schedule = SCHEDULES[model.schedule]
     times = even_ratios(schedule, how.steps)
-    denoise = _together(model, passes, np.array(counts), how.guidance)
+    denoise = _together(model, passes, np.array(counts), how)
     return SAMPLERS[how.sampler](constrain(denoise) if constrain else denoise, noise, schedule, times)
 
 
-def _together(model: Weights, passes: Sequence[Pass], counts: NDArray[np.int_], scale: float) -> Denoiser:
-    """Estimate of x_0 (B, T, 140) of all passes: of several, their estimates of the noise mixed."""
-    schedule, noisy = SCHEDULES[model.schedule], model.prediction == "noise"
-    predict = [_predictor(model, each, counts, scale) for each in passes]
+def _together(model: Weights, passes: Sequence[Pass], counts: NDArray[np.int_], how: Drawing) -> Denoiser:
+    """Estimate of x_0 (B, T, 140) of all passes: of several, their estimates of the noise mixed, and of joints that
+    two of them turn at the same time, the turns."""
+    schedule = SCHEDULES[model.schedule]
+    clean = [_predictor(model, each, counts, how.guidance) for each in passes]
+    if model.prediction == "noise":
+        clean = [from_noise(each, schedule) for each in clean]
     if len(passes) == 1:
-        return from_noise(predict[0], schedule) if noisy else predict[0]
-    noises = predict if noisy else [to_noise(each, schedule) for each in predict]
+        return clean[0]
     spans = [each.span for each in passes]
-    share = mixing.shares(spans, OVERLAP)
+    share = mixing.shares(spans, FADE)
+    shared = meetings(spans, share)
 
-    def mixed(x: Floats, t: float) -> Floats:
-        parts = [noise(x[:, s.start : s.stop], t) for noise, s in zip(noises, spans, strict=True)]
-        return mixing.mix(parts, spans, share, LAM_PARTS, LAM_TIMES)
+    def mixed(x: Samples, t: float) -> Samples:
+        alpha, sigma = schedule.signal_and_noise(t)
+        estimates = [each(x[:, s.start : s.stop], t) for each, s in zip(clean, spans, strict=True)]
+        noises = [(x[:, s.start : s.stop] - alpha * x0) / sigma for x0, s in zip(estimates, spans, strict=True)]
+        out = (x - sigma * mixing.mix(noises, spans, share, how.lam_parts, LAM_TIMES)) / alpha
+        for meeting in shared:
+            _turn(out, model, meeting, [(estimates[k], spans[k].start) for k in meeting.voices])
+        return out
 
-    return from_noise(mixed, schedule)
+    return mixed
+
+
+def _turn(x0: Floats, model: Weights, meeting: Meeting, said: Sequence[tuple[Floats, int]]) -> None:
+    """Puts turns mixed as turns into `x0` (B, T, 140), where those `meeting` say each an estimate from a frame on."""
+    mean, std = model.mean[TURNS], model.std[TURNS]
+    several = np.repeat((meeting.share > 0).sum(0) > 1, 6, axis=1)
+    for b in range(len(x0)):
+        there = [x[b, meeting.start - start : meeting.stop - start, TURNS] * std + mean for x, start in said]
+        turned = (mixed_turns(there, meeting.share) - mean) / std
+        here = x0[b, meeting.start : meeting.stop, TURNS]
+        here[several] = turned[several]
 
 
 def _predictor(model: Weights, each: Pass, counts: NDArray[np.int_], scale: float) -> Denoiser:

@@ -149,7 +149,7 @@ def _composed(edit: Edit, drawn: Motion, anchor: int) -> Motion:
     at = np.arange(len(clip), dtype=float) * FPS / clip.fps
     raw = _cubic(_in_world(_placed(drawn, clip.resampled(FPS), anchor)), at)
     ease = max(2, round(EASE_S * clip.fps))
-    world = eased(raw, _in_world(clip), kept, (ease, ease))
+    world = eased(raw, _in_world(clip), kept, ease)
     turn = matrix_to_quat(matrix_from_6d(world[:, 3:].reshape(len(clip), -1, 6)))
     quat = np.array(clip.joint_quat)
     for j, parent in enumerate(SMPL_PARENTS):

@@ -13,7 +13,7 @@ import numpy as np
 
 from motiongen.compose.motions import composed_of
 from motiongen.diffusion import said
-from motiongen.diffusion.draw import Constraint, Drawing, draw, require_known, whole
+from motiongen.diffusion.draw import GUIDANCE, LAM_PARTS, Constraint, Drawing, draw, require_known, whole
 from motiongen.diffusion.editing import edit_of, edited
 from motiongen.diffusion.finish import finished
 from motiongen.diffusion.lengths import usual_seconds
@@ -30,7 +30,6 @@ from motiongen.skeletons import BANDAI_NAMCO
 from motiongen.text.encoder import TextEncoder
 from motiongen.text.plan import Piece, plan_of
 
-GUIDANCE = 2.5
 UNSAID_S = 4.0  # length of what nobody described
 
 
@@ -44,13 +43,15 @@ class DiffusionGenerator:
         sampler: str = "dpm-solver-2m",
         steps: int = 10,
         alone: bool = False,
+        lam_parts: float = LAM_PARTS,
     ) -> None:
-        """`alone`: the network alone is to follow the text, with nothing taken apart, turned or mended for it."""
+        """`alone`: the network alone is to follow the text, with nothing taken apart, turned or mended for it;
+        `lam_parts`: λ₁ of MotionDiffuse's Eq. 10."""
         self.name = path.stem
         self._model = load_weights(path)
         require_known(self._model, str(path))
         self._encoder = TextEncoder()
-        self._sampler, self._alone = sampler, alone
+        self._sampler, self._alone, self._lam_parts = sampler, alone, lam_parts
         self.licence, self.digest, self.passes = self._model.licence, self._model.digest, steps
 
     def familiarity(self, text: str) -> Familiarity:
@@ -226,7 +227,7 @@ class DiffusionGenerator:
         scale = GUIDANCE if guidance is None else guidance
         if not math.isfinite(scale):
             raise ValueError(f"guidance must be a number, not {guidance}")
-        return Drawing(self._sampler, self.passes, scale)
+        return Drawing(self._sampler, self.passes, scale, self._lam_parts)
 
     def _action(self, name: str, seed: int) -> str:
         actions = self._model.actions

@@ -12,16 +12,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from motiongen.compose.seams import decayed
-from motiongen.diffusion.ranges import runs
 from motiongen.features import CONTACTS, FPS, PLANAR, TURNS, YAW, root_path
 from motiongen.motion import FOOT_JOINTS, SMPL_JOINTS, SMPL_PARENTS
 from motiongen.rotation import Array, matrix_from_6d, matrix_to_6d, quat_rotate, yaw_quat
 
-EASE = 18  # frames in which what is drawn may differ from where it would have gone, to meet what is kept …
-EASE_SPEED = 6  # … and as fast as that is: the speed of an estimate is noisy
-_EASE = (EASE, EASE_SPEED)
+EASE = 24  # frames in which what is drawn may differ from where it would have gone, to meet what is kept
 _ROOT = slice(0, 3)
+_THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -51,33 +48,32 @@ def settled(drawn: Array, kept: Kept) -> Array:
     columns = np.concatenate([*(np.arange(s.start, s.stop) for s in turns), touch]).astype(int)
     if 0 in kept.joints:
         steps = kept.frames & np.append(kept.frames[1:], kept.frames[-1])  # the way from a frame to the next
-        out[:, _ROOT] = eased(drawn[:, _ROOT], kept.features[:, _ROOT], steps, _EASE)
+        out[:, _ROOT] = eased(drawn[:, _ROOT], kept.features[:, _ROOT], steps, EASE)
         columns = np.append(columns, _ROOT.stop)
-    out[:, columns] = eased(drawn[:, columns], kept.features[:, columns], kept.frames, _EASE)
+    out[:, columns] = eased(drawn[:, columns], kept.features[:, columns], kept.frames, EASE)
     if 0 in kept.joints:
         out[:, _ROOT] = arriving(out, kept)[:, _ROOT]
     return _hung(out, kept)
 
 
-def eased(drawn: Array, known: Array, kept: NDArray[np.bool_], most: tuple[int, int]) -> Array:
-    """`known` (T, n) where `kept` (T,), else `drawn` (T, n), led into it in place and speed.
+def eased(drawn: Array, known: Array, kept: NDArray[np.bool_], most: int) -> Array:
+    """`known` (T, n) where `kept` (T,), else `drawn` (T, n), changed in the `most` frames nearest to a kept one so that
+    it goes over into that in place, speed and acceleration.
 
-    `drawn` is to say of kept frames, too, what was expected of them: the difference there is what has to be made up, in
-    place over at most `most[0]` frames and in speed over at most `most[1]`.
+    A least-squares problem in third differences, the least jerk (Flash & Hogan 1985): of the outcome in stretches of
+    four frames that hold a kept one, of the change in all others, so that what moves there still does. What is `drawn`
+    in kept frames does not matter.
     """
     out = np.where(kept[:, None], known, drawn)
-    off = known - drawn
-    for start, stop in runs(~kept):
-        count = np.arange(1, stop - start + 1)
-        place, speed = (min(each, stop - start + 1) for each in most)
-        for at, into in ((start - 1, 1), (stop, -1)):
-            if not 0 <= at < len(kept):
-                continue
-            rows, before = np.arange(start, stop)[::into], at - into
-            out[rows] += decayed(np.minimum(count / place, 1.0), place, off[at], np.zeros_like(off[at]))
-            if 0 <= before < len(kept) and kept[before]:
-                faster = off[at] - off[before]
-                out[rows] += decayed(np.minimum(count / speed, 1.0), speed, np.zeros_like(faster), faster)
+    nearby = np.convolve(kept, np.ones(2 * most + 1), "same")[: len(kept)] > 0
+    rows = np.flatnonzero(nearby & ~kept)
+    fours = np.arange(len(kept) - 3)[:, None] + np.arange(4)
+    fours = fours[np.isin(fours, rows).any(1)]
+    if len(fours):
+        third = np.zeros((len(fours), len(kept)))
+        np.put_along_axis(third, fours, _THIRD[None], axis=1)
+        wanted = -(third @ out) * kept[fours].any(1)[:, None]
+        out[rows] += np.linalg.lstsq(third[:, rows], wanted, rcond=None)[0]
     return out
 
 

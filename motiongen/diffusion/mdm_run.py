@@ -29,9 +29,8 @@ def denoise(w: Tensors, sizes: Mapping[str, int], x: Floats, t: float, frames: N
     level = waves(np.full(1, t * 1000.0), width)
     first = linear(silu(linear(level, w, "level.0")), w, "level.2") + sentence
     real = np.any(frames.reshape(batch, -1, patch), axis=2)
-    if "to_end.weight" in w:
-        left = np.maximum(real.sum(1, keepdims=True) - np.arange(tokens.shape[1]), 0)
-        tokens = tokens + waves(left, w["to_end.weight"].shape[1]) @ w["to_end.weight"].T
+    left, to_end = np.maximum(real.sum(1, keepdims=True) - np.arange(tokens.shape[1]), 0), w["to_end.weight"]
+    tokens = tokens + waves(left, to_end.shape[1]) @ to_end.T
     stream = np.concatenate([first[:, None], tokens], axis=1) + waves(np.arange(tokens.shape[1] + 1), width)
     mask = np.concatenate([np.ones_like(real[:, :1]), real], axis=1)
     block = 0

@@ -15,14 +15,14 @@ from motiongen.data.dataset import Dataset
 from motiongen.data.texts import Texts
 from motiongen.diffusion.batches import LONGEST, Scale
 from motiongen.diffusion.configs import TrainConfig
+from motiongen.diffusion.draw import GUIDANCE
 from motiongen.diffusion.samplers import Denoiser, dpm_solver_2m, from_noise, guided
-from motiongen.diffusion.schedule import SCHEDULES, even_times
+from motiongen.diffusion.schedule import SCHEDULES, even_ratios
 from motiongen.features import FPS, features_to_motion
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
 
 COUNT = 4
 PASSES = 20
-GUIDANCE = 2.5
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def draw_samples(
     if config.drop_text > 0:  # else it knows nothing of "no text" that it could be guided away from
         predict = guided(predict, GUIDANCE)
     denoise = predict if config.prediction == "x0" else from_noise(predict, schedule)
-    x = dpm_solver_2m(denoise, lambda: noise, schedule, even_times(PASSES)) * scale.std + scale.mean
+    x = dpm_solver_2m(denoise, lambda: noise, schedule, even_ratios(schedule, PASSES)) * scale.std + scale.mean
     skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, scale.offsets.astype(float), prompts.foot_height)
     return [
         features_to_motion(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from motiongen.compose.parts import PARTS, joints_of
 from motiongen.diffusion import said
-from motiongen.diffusion.draw import OVERLAP, Pass, passes_over, patched, whole
+from motiongen.diffusion.draw import FADE, Pass, passes_over, patched, whole
 from motiongen.diffusion.weights import Weights
 from motiongen.features import CONTACTS, FPS, TURNS, WIDTH
 from motiongen.generator import check_prompt
@@ -124,8 +124,8 @@ def passes_of(model: Weights, entries: Sequence[Entry], encoder: said.Encoder) -
 
 
 def _passes(model: Weights, entry: Entry, total: int, encoder: said.Encoder) -> list[Pass]:
-    start = max(0, round(entry.start_s * FPS) - OVERLAP // 2)
-    length = patched(model, min(total, round(entry.end_s * FPS) + OVERLAP // 2) - start)
+    start = max(0, round(entry.start_s * FPS) - FADE // 2)
+    length = patched(model, min(total, round(entry.end_s * FPS) + FADE // 2) - start)
     start = min(start, total - length)
     return passes_over(model, said.texts(encoder, [entry.text]), start, start + length, columns_of(entry.parts))
 

@@ -32,7 +32,6 @@ from motiongen.nn import Floats, Tensors
 
 FOLDER = Path(__file__).parent.parent / "weights"
 _FORMAT = "rigcast-diffusion-1"
-_BEFORE = "rigcast-mdm-2"  # of the weights in the tree until they are next replaced
 _OLDER = "rigcast-mdm-1"
 _EXTRAS = ("mean", "std", "offsets", "bank")
 
@@ -114,8 +113,6 @@ def load_weights(path: Path) -> Weights:
             metadata = file.metadata() or {}
             if metadata.get("format") == _OLDER:
                 raise WeightsError(f"{path}: weights of an older format ({_OLDER}); export them anew")
-            if metadata.get("format") == _BEFORE:
-                metadata = _as_now(metadata)
             if metadata.get("format") != _FORMAT:
                 raise WeightsError(f"{path}: not weights of such a model ({_FORMAT})")
             tensors = {k: file.get_tensor(k).astype(np.float32) for k in file.keys()}  # noqa: SIM118 (not a dict)
@@ -140,24 +137,6 @@ def load_weights(path: Path) -> Weights:
         )
     except (SafetensorError, KeyError, TypeError, json.JSONDecodeError) as error:
         raise WeightsError(f"{path}: cut short or of another model ({str(error).splitlines()[0]})") from None
-
-
-def _as_now(old: dict[str, str]) -> dict[str, str]:
-    """The metadata of today's format for those of the one before, which knew one network and no actions."""
-    about = json.loads(old["model"])
-    return {
-        "format": _FORMAT,
-        "network": "mdm",
-        "sizes": json.dumps({"patch": about["patch"], "heads": about["heads"]}),
-        "schedule": "cosine",
-        "prediction": "x0",
-        "unconditioned": "true",
-        "actions": "[]",
-        "window": json.dumps(about["window"]),
-        "bank": old["bank"],
-        "licence": "; ".join(dict.fromkeys(old["licence"].split("; "))),
-        "training": old["training"],
-    }
 
 
 def nearest(bank: Bank, sentence: Floats) -> list[tuple[float, int]]:
