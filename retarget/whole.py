@@ -35,7 +35,7 @@ from retarget.tracking import (
 SMOOTH = 0.025  # s: wiggles of a weight-1 follower faster than 1 / (2π · SMOOTH) Hz are smoothed away
 LEAST_SMOOTH = 0.5  # frames, where they are far apart
 POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave open
-GAP = 0.005  # of the root height: how far apart bodies stay
+GAP = 0.01  # of the root height: how far apart bodies stay that are not nearer in the nominal pose
 SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
 SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `within` cuts off
@@ -54,8 +54,8 @@ class Problem:
     """One window: `places` and `turns` over its T frames, of which the first `known` are solved and stay.
 
     `smooth` (nv,) weighs squared second differences, `reach` (2, nj) are the joints' ranges in rad, `stride` (nj,) rad
-    is what they may move in a frame. `soles`: body (s,) and point (s, 3), kept above the floor. `size` is the nominal
-    root height in metres.
+    is what they may move in a frame. `soles`: body (s,) and point (s, 3), kept above the floor. `gaps` (nbody, nbody)
+    are the metres that two bodies stay apart. `size` is the nominal root height in metres.
     """
 
     tree: Tree
@@ -67,6 +67,7 @@ class Problem:
     reach: Array
     stride: Array
     soles: tuple[Indices, Array]
+    gaps: Array
     size: float
     fixed_root: bool
 
@@ -136,8 +137,9 @@ def _problem(
     sites = [model.site(site) for foot in rig.feet for site in foot.sites] if grounded else []
     size = np.ones(model.nv)
     size[:3] = 1 / rig.nominal.height**2
+    tree = _wary(rig, model)
     return Problem(
-        tree=_wary(rig, model),
+        tree=tree,
         places=places,
         turns=turns,
         known=0,
@@ -146,6 +148,7 @@ def _problem(
         reach=np.array([[j.lower for j in rig.joints], [j.upper for j in rig.joints]]),
         stride=np.array([j.velocity for j in rig.joints]),
         soles=(np.array([s.bodyid[0] for s in sites], int), np.array([s.pos for s in sites]).reshape(-1, 3)),
+        gaps=_gaps(tree, start, GAP * rig.nominal.height),
         size=rig.nominal.height,
         fixed_root=fixed_root,
     )
@@ -156,6 +159,16 @@ def _wary(rig: Rig, model: mujoco.MjModel) -> Tree:
     model = copy(model)
     model.geom_margin[:] = GAP * rig.nominal.height
     return tree_of(model)
+
+
+def _gaps(tree: Tree, start: Array, usual: float) -> Array:
+    """(nbody, nbody) metres that two bodies are to stay apart: `usual`, or what they are in the configuration `start`
+    (nq,) where that is less."""
+    out = np.full((len(tree.carries), len(tree.carries)), usual)
+    met = poses(tree, start[None]).meetings
+    for bodies in (met.bodies, met.bodies[:, ::-1]):
+        np.minimum.at(out, tuple(bodies.T), met.apart)
+    return out
 
 
 def _window(problem: Problem, guess: Array, before: Array, end: int, fps: float) -> Array:
@@ -221,7 +234,7 @@ def _state(problem: Problem, qpos: Array) -> State:
     fast = rate[:, ROOT_DOFS:] - np.clip(rate[:, ROOT_DOFS:], -problem.stride, problem.stride)
     soles = on_body(at, *problem.soles)
     under = np.minimum(soles[..., 2] + SLACK * problem.size, 0.0)
-    near = np.minimum(at.meetings.apart - GAP * problem.size, 0.0)
+    near = np.minimum(at.meetings.apart - problem.gaps[*at.meetings.bodies.T], 0.0)
     cost = (
         (problem.places.weight * (off**2).sum(-1)).sum()
         + (problem.turns.weight * (turned**2).sum(-1)).sum()
