@@ -18,9 +18,10 @@ class BusError(RuntimeError):
 
 @dataclass(frozen=True)
 class Reading:
-    """Measured at one moment, all (n,) in the order of the bus's `joints`.
+    """Measured at one moment, all (n,) in the order of the bus's `joints`; (0,) where the servos cannot measure it.
 
-    `position` rad in the joint's own direction and zero; `current` A, signed; `temperature` °C; `voltage` V.
+    `position` rad in the joint's own direction and zero, or what servos that cannot be felt were told; `current` A,
+    signed; `temperature` °C; `voltage` V.
     """
 
     position: Array
@@ -46,13 +47,14 @@ class ServoBus(Protocol):
         ...
 
     def read(self) -> Reading:
-        """Measure all servos."""
+        """What all servos measured last."""
         ...
 
     def write(self, goal: Array) -> None:
-        """Goal angles (n,) in rad for all servos at once."""
+        """Goal angles (n,) in rad for all servos at once; the torque must be on."""
         ...
 
     def torque(self, on: bool) -> None:
-        """Switch all servos on at the pose that they are in, so that none jumps, or off."""
+        """Switch all servos on at the pose that they are in, so that none jumps (those that cannot be felt at the rig's
+        safe pose), or off."""
         ...

@@ -28,7 +28,7 @@ class Calibration:
 
     direction: NDArray[np.int64]
     zero: NDArray[np.int64]
-    ticks_per_turn: NDArray[np.int64]
+    ticks_per_turn: Array
 
     def ticks(self, angle: ArrayLike) -> NDArray[np.int64]:
         """Nearest ticks of joint angles (n,) in rad."""
@@ -38,6 +38,18 @@ class Calibration:
     def angle(self, ticks: ArrayLike) -> Array:
         """Joint angles (n,) in rad of `ticks`."""
         return (np.asarray(ticks) - self.zero) * self.direction * (2 * math.pi / self.ticks_per_turn)
+
+    def check_reach(self, rig: Rig) -> None:
+        """Raises BusError where the limits of a joint of `rig` lie outside the ticks of its servo."""
+        joints = {j.name: j for j in rig.joints}
+        ends = [self.ticks([getattr(joints[s.joint], end) for s in rig.servos]) for end in ("lower", "upper")]
+        for servo, low, high in zip(rig.servos, *np.sort(ends, axis=0).tolist(), strict=True):
+            first, last = servo.model.ticks
+            if low < first or high > last:
+                raise BusError(
+                    f"joint {servo.joint!r}: its limits are ticks {low}…{high} by this calibration; servo "
+                    f"{servo.id} has {first}…{last}"
+                )
 
 
 def calibration_path(rig: str) -> Path:
@@ -67,10 +79,11 @@ def load_calibration(rig: Rig, path: Path | None = None) -> Calibration:
         if not isinstance(entry, dict) or set(entry) - {"direction", "zero"}:
             raise BusError(f"{path}: [{servo.joint}] takes direction and zero, not {entry}")
         direction.append(entry.get("direction", 1))
-        zero.append(entry.get("zero", servo.model.ticks_per_turn // 2))
+        first, last = servo.model.ticks
+        zero.append(entry.get("zero", (first + last + 1) // 2))
         if direction[-1] not in (1, -1):
             raise BusError(f"{path}: [{servo.joint}] direction {direction[-1]!r}; it is 1 or -1")
-        if type(zero[-1]) is not int or not 0 <= zero[-1] < servo.model.ticks_per_turn:
-            raise BusError(f"{path}: [{servo.joint}] zero {zero[-1]!r}; it is in 0…{servo.model.ticks_per_turn - 1}")
-    turn = np.array([s.model.ticks_per_turn for s in rig.servos], np.int64)
+        if type(zero[-1]) is not int or not first <= zero[-1] <= last:
+            raise BusError(f"{path}: [{servo.joint}] zero {zero[-1]!r}; it is in {first}…{last}")
+    turn = np.array([s.model.ticks_per_turn for s in rig.servos])
     return Calibration(np.array(direction, np.int64), np.array(zero, np.int64), turn)

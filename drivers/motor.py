@@ -5,14 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-FULL_PWM = 885  # register 36
-PWM_PER_TICK = 1 / 128  # per unit of register 84: e-Manual, "Position PID Gain", KP = register / 128
-
-
-def full_error(position_p_gain: int, ticks_per_turn: int) -> float:
-    """Position error in rad at which the controller asks for full PWM."""
-    return FULL_PWM / (position_p_gain * PWM_PER_TICK) * 2 * math.pi / ticks_per_turn
-
 
 @dataclass
 class Motor:

@@ -9,9 +9,9 @@ import numpy as np
 
 from drivers.bus import Array, BusError, Reading
 from drivers.clock import MonotonicClock, Ticker
-from drivers.motor import Motor, full_error
-from drivers.registers import MODELS
-from retarget.rig import Rig
+from drivers.motor import Motor
+from drivers.servos.table import model_of
+from retarget.rig import FULL_TORQUE_ERROR, Rig
 
 NS = 1_000_000_000
 ROOM_TEMPERATURE = 25.0  # °C; the heating of these motors is not modelled
@@ -20,25 +20,20 @@ ROOM_TEMPERATURE = 25.0  # °C; the heating of these motors is not modelled
 class SimulatedBus:
     """The servos of `rig`, standing at `pose` (nj,) rad, by default its nominal pose; see `ServoBus`.
 
-    `on`: whether the torque is on. Raises BusError where the rig has no servos or names a model that is not known.
+    `on`: whether the torque is on. Raises BusError where the rig has no servos.
     """
 
     def __init__(self, rig: Rig, pose: Sequence[float] | None = None, *, clock: Ticker | None = None) -> None:
         if not rig.servos:
             raise BusError(f"rig {rig.name!r} has no servos to simulate")
-        if unknown := [s.model.name for s in rig.servos if s.model.name not in MODELS]:
-            raise BusError(f"servo model {unknown[0]!r} is not known here; these are: {', '.join(MODELS)}")
         angles = dict(zip(rig.joint_names(), rig.pose_vector(rig.nominal) if pose is None else pose, strict=True))
         speeds = {j.name: j.velocity for j in rig.joints}
         self.joints = tuple(s.joint for s in rig.servos)
         self.on = False
+        models = [model_of(s.model.name) for s in rig.servos]
         self.motors = [
-            Motor(
-                s.model.no_load_speed,
-                full_error(MODELS[s.model.name].position_p_gain, s.model.ticks_per_turn),
-                float(angles[s.joint]),
-            )
-            for s in rig.servos
+            Motor(s.model.no_load_speed, model.full_error if model else FULL_TORQUE_ERROR, float(angles[s.joint]))
+            for s, model in zip(rig.servos, models, strict=True)
         ]
         self._speeds = [speeds[j] for j in self.joints]
         self._stall = np.array([s.model.stall_current for s in rig.servos])

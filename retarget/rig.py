@@ -20,6 +20,7 @@ MOUNTS: tuple[Mount, ...] = ("free", "stand", "hung")
 BUILT_IN = Path(__file__).parent / "rigs"
 RIG_PATH = "RIGCAST_RIGS"  # environment variable: more folders of rigs
 PROTOCOLS = ("dynamixel1", "dynamixel2", "feetech", "lx16a", "maestro", "ssc32")
+PWM, BOARDS = "pwm", ("maestro", "ssc32")  # What a servo without a bus speaks, and the boards that speak it.
 
 # At 70 % of its no-load speed a motor has 30 % of its stall torque left for the load: motions are planned below that.
 PLANNED_SPEED = 0.7
@@ -32,7 +33,7 @@ DAMPING_TIME = 0.02
 
 @dataclass(frozen=True)
 class ServoModel:
-    """A servo as its maker publishes it: N·m, rad/s and A at `voltage`."""
+    """A servo as its maker publishes it: N·m, rad/s and A at `voltage`; `ticks`: its lowest and highest position."""
 
     name: str
     protocol: str
@@ -41,7 +42,8 @@ class ServoModel:
     no_load_speed: float
     stall_current: float
     voltage: float
-    ticks_per_turn: int
+    ticks_per_turn: float
+    ticks: tuple[int, int]
     datasheet: str
 
 
@@ -223,20 +225,21 @@ def servo_models() -> dict[str, ServoModel]:
 def _servo_model(name: str, t: Table) -> ServoModel:
     return ServoModel(
         name=name,
-        protocol=t.choice("protocol", PROTOCOLS),
+        protocol=t.choice("protocol", (*PROTOCOLS, PWM)),
         model_number=t.integer("model_number", 0, 65535),
         stall_torque=t.number("stall_torque", positive=True),
         no_load_speed=t.number("no_load_rpm", positive=True) * 2 * math.pi / 60,
         stall_current=t.number("stall_current", positive=True),
         voltage=t.number("voltage", positive=True),
-        ticks_per_turn=t.integer("ticks_per_turn", 1, 1 << 20),
+        ticks_per_turn=t.number("ticks_per_turn", positive=True),
+        ticks=tuple(round(end) for end in t.span("ticks")),
         datasheet=t.text("datasheet"),
     )
 
 
 def _rig(folder: Path, t: Table) -> Rig:
     buses = t.tables("bus", lambda b: Bus(b.text("name"), b.choice("protocol", PROTOCOLS), b.integer("baud", 1, 10**8)))
-    driven = t.tables("servo", partial(_servo, [b.name for b in buses]))
+    driven = t.tables("servo", partial(_servo, {b.name: b.protocol for b in buses}))
     plain = t.tables("joint", lambda j: _joint(j.text("name"), j, j.number("torque"), j.number("no_load_speed")))
     joints = tuple(joint for joint, _ in driven) + plain
     servos = tuple(servo for _, servo in driven)
@@ -287,10 +290,13 @@ def _joint(name: str, t: Table, torque: float, no_load_speed: float) -> Joint:
     return Joint(name, lower, upper, velocity, torque, no_load_speed, kp=kp, kv=kp * DAMPING_TIME)
 
 
-def _servo(buses: Sequence[str], t: Table) -> tuple[Joint, Servo]:
+def _servo(buses: dict[str, str], t: Table) -> tuple[Joint, Servo]:
     model = servo_models()[t.choice("model", tuple(servo_models()))]
+    bus = t.choice("bus", tuple(buses))
+    if buses[bus] not in (BOARDS if model.protocol == PWM else (model.protocol,)):
+        raise RigError(f"{t.where}: model {model.name} speaks {model.protocol}, bus {bus!r} {buses[bus]}")
     joint = _joint(t.text("joint"), t, model.stall_torque, model.no_load_speed)
-    return joint, Servo(joint.name, t.choice("bus", buses), t.integer("id", 0, 252), model)
+    return joint, Servo(joint.name, bus, t.integer("id", 0, 253), model)
 
 
 def _foot(t: Table) -> Foot:

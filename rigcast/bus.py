@@ -13,7 +13,7 @@ def emulate(*, rig: str = "puppet") -> int:
     Args:
         rig: Name of a rig (see `rigcast rigs`) or path of its folder.
     """
-    from drivers.emulator import Emulator
+    from drivers.emulation.emulator import Emulator
     from drivers.signals import caught_signals
 
     with caught_signals() as caught, Emulator(load_rig(rig)) as emulator:

@@ -67,9 +67,9 @@ def bus_on(port: str, rig: Rig) -> ServoBus:
         from drivers.simulated import SimulatedBus
 
         return SimulatedBus(rig)
-    from drivers.dynamixel import DynamixelBus
+    from drivers.servos.connect import connect
 
-    return DynamixelBus(rig, port)
+    return connect(rig, port)
 
 
 def _teller(receiver: Receiver) -> Callable[[RigState], None]:

@@ -11,8 +11,8 @@ import numpy as np
 from retarget.rig import Bus, Joint, Pose, Power, Rig, Sensors, Servo, ServoModel
 from retarget.trajectory import Trajectory
 
-XM430 = ServoModel("XM430-W350", "dynamixel2", 1020, 4.1, 46 * 2 * math.pi / 60, 2.3, 12.0, 4096, "e-Manual")
-XL430 = ServoModel("XL430-W250", "dynamixel2", 1060, 1.4, 57 * 2 * math.pi / 60, 1.3, 11.1, 4096, "e-Manual")
+XM430 = ServoModel("XM430-W350", "dynamixel2", 1020, 4.1, 46 * 2 * math.pi / 60, 2.3, 12.0, 4096, (0, 4095), "e-Manual")
+XL430 = ServoModel("XL430-W250", "dynamixel2", 1060, 1.4, 57 * 2 * math.pi / 60, 1.3, 11.1, 4096, (0, 4095), "e-Manual")
 REPORT = "0123456789abcdef"
 
 

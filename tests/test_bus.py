@@ -15,10 +15,10 @@ from small_rig import XM430, small_rig
 
 from drivers.bus import BusError
 from drivers.calibration import Calibration, load_calibration
-from drivers.dynamixel import DynamixelBus
-from drivers.emulator import Emulator
-from drivers.packet import Instruction, Parser, build, crc16, status
-from drivers.registers import CURRENT_REGISTERS, MODELS, REGISTERS, hardware_errors
+from drivers.emulation.emulator import Emulator
+from drivers.servos.dynamixel2 import Instruction, Parser, build, crc16, status
+from drivers.servos.packet_bus import PacketBus
+from drivers.servos.x_series import X_SERIES
 from drivers.simulated import SimulatedBus
 from retarget.rig import Bus
 
@@ -81,7 +81,7 @@ def test_the_sdk_stuffs_and_sums_the_same(ident, params):
     theirs = bytes(stuffed) + sdk.updateCRC(0, stuffed, len(stuffed)).to_bytes(2, "little")
     assert build(ident, Instruction.WRITE, params) == theirs
     [packet] = Parser().feed(theirs)
-    assert (packet.id, packet.instruction, packet.params) == (ident, 0x03, params)
+    assert (packet.id, packet.code, packet.params) == (ident, 0x03, params)
 
 
 @given(ident=st.integers(0, 252), params=PARAMS)
@@ -118,7 +118,7 @@ def test_the_parser_survives_damage():
     assert parser.damaged == 1
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", X_SERIES.models)
 def test_registers_are_those_of_the_vendors_tables(model):
     folder = Path(dynamixel_easy_sdk.__file__).parent / "control_table"
     rows = (folder / f"{model.lower().replace('-', '_')}.model").read_text().split("[control table]")[1].splitlines()
@@ -127,16 +127,16 @@ def test_registers_are_those_of_the_vendors_tables(model):
         vendor.setdefault(name.lower().split("(")[0].replace(" ", "_"), (int(address), int(size)))
     vendor["secondary_id"] = vendor.pop("secondary") if "secondary" in vendor else vendor.get("secondary_id")
     vendor["present_current"] = vendor.get("present_current") or vendor.get("present_load")
-    ours = REGISTERS + (CURRENT_REGISTERS if MODELS[model].has_current else ())
-    missing = [r.name for r in ours if vendor.get(r.name) is None]
+    ours = X_SERIES.models[model]
+    names = [r.name for r in ours.registers if not r.name.startswith("indirect_address_")]
+    missing = [n for n in names if vendor.get(n) is None]
     assert missing in ([], ["secondary_id"])
-    assert [r for r in ours if r.name not in missing and vendor[r.name] != (r.address, r.size)] == []
-    assert [n for n in ("current_limit", "goal_current") if n in vendor and not MODELS[model].has_current] == []
-
-
-def test_hardware_errors_are_named():
-    assert hardware_errors(0b100100) == "overheating, overload"
-    assert "0x80" in hardware_errors(0x80)
+    wrong = [n for n in names if n not in missing and vendor[n] != (ours.named(n).address, ours.named(n).size)]
+    assert wrong == []
+    if ours.indirect is not None:
+        assert ours.indirect == (vendor["indirect_address_1"][0], vendor["indirect_data_1"][0])
+        assert ours.named("indirect_address_28").address == ours.indirect[0] + 54
+    assert ours.has("goal_current") == ("goal_current" in vendor)
 
 
 # --- calibration
@@ -176,13 +176,14 @@ def test_a_wrong_calibration_is_one_clear_line(tmp_path, text, message):
 def test_the_driver_measures_and_moves():
     backwards = replace(CENTRE, direction=np.array([1, -1, 1]))
     with Emulator(RIG, [0.2, -0.1, 0.0], backwards) as emulator:
-        with DynamixelBus(RIG, emulator.port, calibration=backwards) as bus:
+        with PacketBus(RIG, emulator.port, calibration=backwards) as bus:
             reading = bus.read()
             np.testing.assert_allclose(reading.position, [0.2, -0.1, 0.0], atol=TICK / 2)
             assert reading.voltage.tolist() == pytest.approx([12.0, 11.1, 12.0])
             assert reading.temperature.tolist() == [30, 30, 30]
             assert emulator.get("b", "present_position") == 2048 + round(0.1 / TICK)
-            bus.write(np.array([1.0, 1.0, 1.0]))  # torque is off
+            with pytest.raises(BusError, match="torque is off"):
+                bus.write(np.array([1.0, 1.0, 1.0]))
             np.testing.assert_allclose(bus.read().position, [0.2, -0.1, 0.0], atol=TICK / 2)
             bus.torque(True)
             np.testing.assert_allclose(bus.read().position, [0.2, -0.1, 0.0], atol=TICK)
@@ -197,32 +198,32 @@ def test_the_driver_measures_and_moves():
 
 
 def test_a_jammed_servo_shows_its_stall_current():
-    with Emulator(RIG, [0.0] * 3, CENTRE) as emulator, DynamixelBus(RIG, emulator.port, calibration=CENTRE) as bus:
+    with Emulator(RIG, [0.0] * 3, CENTRE) as emulator, PacketBus(RIG, emulator.port, calibration=CENTRE) as bus:
         bus.torque(True)
-        emulator.servo("a").motor.jammed = True
+        emulator.jam("a")
         bus.write(np.array([1.0, 0.0, 0.0]))
         assert bus.read().current.tolist() == pytest.approx([XM430.stall_current, 0, 0], abs=2.69e-3)
 
 
 def test_no_fast_sync_read_falls_back_to_the_ordinary_one(monkeypatch):
-    monkeypatch.setattr("drivers.emulated_bus._fast_read", lambda hearing, params: iter(()))
-    with Emulator(RIG, calibration=CENTRE) as emulator, DynamixelBus(RIG, emulator.port, calibration=CENTRE) as bus:
+    monkeypatch.setattr("drivers.emulation.protocol2._fast_read", lambda line, params: iter(()))
+    with Emulator(RIG, calibration=CENTRE) as emulator, PacketBus(RIG, emulator.port, calibration=CENTRE) as bus:
         for _ in range(5):
             np.testing.assert_allclose(bus.read().position, [0.2, -0.1, 0.0], atol=TICK / 2)
 
 
 def test_a_hardware_error_is_decoded():
-    with Emulator(RIG, calibration=CENTRE) as emulator, DynamixelBus(RIG, emulator.port, calibration=CENTRE) as bus:
+    with Emulator(RIG, calibration=CENTRE) as emulator, PacketBus(RIG, emulator.port, calibration=CENTRE) as bus:
         bus.torque(True)
-        emulator.servo("b").fault(0b100000)
+        emulator.servo("b").fail("overload")
         with pytest.raises(BusError, match=r"servo 7 \(b\): hardware error: overload"):
             bus.read()
-        with pytest.raises(BusError, match=r"servo 7 \(b\): overload"):
+        with pytest.raises(BusError, match=r"servo 7 \(b\): hardware error: overload"):
             bus.torque(True)
 
 
 def test_silence_stops_the_servos_and_is_told():
-    rig_bus = lambda e: DynamixelBus(RIG, e.port, calibration=CENTRE, watchdog_s=0.02)  # noqa: E731
+    rig_bus = lambda e: PacketBus(RIG, e.port, calibration=CENTRE, watchdog_s=0.02)  # noqa: E731
     with Emulator(RIG, calibration=CENTRE) as emulator, rig_bus(emulator) as bus:
         bus.torque(True)
         time.sleep(0.06)
@@ -236,7 +237,7 @@ def test_silence_stops_the_servos_and_is_told():
 
 def test_what_is_not_there_is_one_clear_line():
     def opening(rig, port, **options):
-        with DynamixelBus(rig, port, calibration=CENTRE, **options):
+        with PacketBus(rig, port, calibration=CENTRE, **options):
             raise AssertionError("it opened")
 
     with pytest.raises(BusError, match=r"cannot open serial port '/dev/ttyNONE': No such file") as caught:
@@ -244,9 +245,9 @@ def test_what_is_not_there_is_one_clear_line():
     assert "\n" not in str(caught.value)
     with Emulator(RIG, calibration=CENTRE) as emulator:
         slow = replace(RIG, buses=(Bus("main", "dynamixel2", 57600),))
-        with pytest.raises(BusError, match=r"no servo answers on .* at 57600 baud"):
+        with pytest.raises(BusError, match=r"no dynamixel2 servo answers on .* at 57600 baud"):
             opening(slow, emulator.port)
-        with pytest.raises(BusError, match="knows no 31250 baud"):
+        with pytest.raises(BusError, match="no dynamixel2 servo runs at 31250 baud"):
             opening(replace(RIG, buses=(Bus("main", "dynamixel2", 31250),)), emulator.port)
         with pytest.raises(BusError, match=r"servo 7 \(b\): model 1060; the rig names XM430-W350, 1020"):
             opening(replace(RIG, servos=tuple(replace(s, model=XM430) for s in RIG.servos)), emulator.port)
@@ -261,7 +262,7 @@ def test_what_is_not_there_is_one_clear_line():
 
 def test_a_pulled_cable_is_one_clear_line():
     def pull():
-        with DynamixelBus(RIG, emulator.port, calibration=CENTRE) as bus:
+        with PacketBus(RIG, emulator.port, calibration=CENTRE) as bus:
             bus.torque(True)
             emulator.unplug()
             bus.read()

@@ -17,12 +17,12 @@ from small_rig import REPORT, free_address, small_rig, swing
 from drivers.bus import BusError
 from drivers.calibration import Calibration
 from drivers.drive import Settings, drive
-from drivers.dynamixel import DynamixelBus
-from drivers.emulator import Emulator
+from drivers.emulation.emulator import Emulator
 from drivers.follow import Limits, step, target_at
 from drivers.frame import UNCHECKED, Frame, State
 from drivers.publisher import Publisher, frames_of, hello_for, publish
 from drivers.receiver import Receiver
+from drivers.servos.packet_bus import PacketBus
 from drivers.signals import caught_signals
 from drivers.simulated import SimulatedBus
 from drivers.watchdog import Patience
@@ -113,7 +113,7 @@ def send_now(publisher, frame):
 def test_publisher_to_emulator_and_back():
     trajectory = swing(RIG)
     with Emulator(RIG, calibration=CENTRE) as emulator:
-        bus = DynamixelBus(RIG, emulator.port, calibration=CENTRE)
+        bus = PacketBus(RIG, emulator.port, calibration=CENTRE)
         with driving(bus) as (address, _, done, states, _):
             published = publish(trajectory, RIG, REPORT, address, wait_s=5)
         [result] = done
@@ -138,7 +138,7 @@ def test_publisher_to_emulator_and_back():
 
 def test_far_from_the_stream_the_rig_eases_in():
     with Emulator(RIG, [-1.0, 0.0, 0.5], CENTRE) as emulator:
-        bus = DynamixelBus(RIG, emulator.port, calibration=CENTRE)
+        bus = PacketBus(RIG, emulator.port, calibration=CENTRE)
         with driving(bus, settings=Settings(ease_velocity=1.5, settle_s=0.1)) as (address, _, done, _, _):
             publish(swing(RIG, 1.2, amplitude=0.0), RIG, REPORT, address, wait_s=5)
         events = emulator.events("goal_position")
@@ -151,7 +151,7 @@ def test_far_from_the_stream_the_rig_eases_in():
 
 def test_a_killed_publisher_leads_to_hold_safe_and_torque_off():
     with Emulator(RIG, calibration=CENTRE) as emulator:
-        bus = DynamixelBus(RIG, emulator.port, calibration=CENTRE)
+        bus = PacketBus(RIG, emulator.port, calibration=CENTRE)
         with driving(bus) as (address, _, done, states, _):
             trajectory = swing(RIG)
             frames = frames_of(trajectory, RIG, REPORT, 5, time.monotonic_ns())
@@ -170,7 +170,7 @@ def test_a_killed_publisher_leads_to_hold_safe_and_torque_off():
 
 def test_unchecked_frames_never_move_anything():
     with Emulator(RIG, calibration=CENTRE) as emulator:
-        bus = DynamixelBus(RIG, emulator.port, calibration=CENTRE)
+        bus = PacketBus(RIG, emulator.port, calibration=CENTRE)
         with driving(bus) as (address, receiver, done, states, stop):
             publish(swing(RIG, 0.4), RIG, UNCHECKED, address, wait_s=5)
             stop.set()
@@ -183,7 +183,7 @@ def test_unchecked_frames_never_move_anything():
 
 def test_a_stop_switches_off_at_once_and_stays():
     with Emulator(RIG, calibration=CENTRE) as emulator:
-        bus = DynamixelBus(RIG, emulator.port, calibration=CENTRE)
+        bus = PacketBus(RIG, emulator.port, calibration=CENTRE)
         with driving(bus) as (address, receiver, done, _, _):
             trajectory = swing(RIG, 4.0)
             with Publisher(hello_for(trajectory, RIG, REPORT, 5), address) as publisher:
@@ -216,9 +216,9 @@ def test_a_failing_bus_ends_the_drive_with_one_line(hurt):
         hurts = {
             "cable": emulator.unplug,
             "servo": lambda: emulator.remove("b"),
-            "error": lambda: emulator.servo("b").fault(0b100000),
+            "error": lambda: emulator.servo("b").fail("overload"),
         }
-        bus = DynamixelBus(RIG, emulator.port, calibration=CENTRE)
+        bus = PacketBus(RIG, emulator.port, calibration=CENTRE)
         with driving(bus) as (address, _, done, states, _):
             trajectory = swing(RIG, 6.0)
             with Publisher(hello_for(trajectory, RIG, REPORT, 5), address) as publisher:
@@ -250,11 +250,11 @@ import sys
 sys.path.insert(0, "tests")
 from small_rig import small_rig
 from drivers.drive import drive
-from drivers.dynamixel import DynamixelBus
+from drivers.servos.packet_bus import PacketBus
 from drivers.receiver import Receiver
 rig = small_rig()
 with Receiver(sys.argv[1], rig_hash=rig.hash) as receiver:
-    print(drive(rig, receiver, DynamixelBus(rig, sys.argv[2])).reason)
+    print(drive(rig, receiver, PacketBus(rig, sys.argv[2])).reason)
 """
 
 

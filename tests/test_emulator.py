@@ -22,11 +22,12 @@ from small_rig import XM430, small_rig
 
 from drivers.bus import BusError
 from drivers.calibration import Calibration
-from drivers.emulated_bus import EmulatedBus
-from drivers.emulated_servo import EmulatedServo
-from drivers.emulator import Emulator
-from drivers.motor import Motor, full_error
-from drivers.packet import Fault, Instruction, Parser, build
+from drivers.emulation.bus import EmulatedBus
+from drivers.emulation.emulator import Emulator
+from drivers.emulation.servo import EmulatedServo
+from drivers.motor import Motor
+from drivers.servos.dynamixel2 import Fault, Instruction, Parser, build
+from drivers.servos.x_series import X_SERIES, full_error
 
 RIG = small_rig()
 CENTRE = Calibration(np.ones(3, np.int64), np.full(3, 2048), np.full(3, 4096))
@@ -170,7 +171,7 @@ def test_status_return_level(port):
 
 def test_a_hardware_error_cuts_torque_until_a_reboot(port, emulator):
     SDK.write1ByteTxRx(port, 3, TORQUE, 1)
-    emulator.servo("a").fault(0b100)
+    emulator.servo("a").fail("overheating")
     assert SDK.read1ByteTxRx(port, 3, ERRORS) == (4, COMM_SUCCESS, ALERT)
     assert not emulator.torque()["a"]
     assert SDK.write1ByteTxRx(port, 3, TORQUE, 1) == (COMM_SUCCESS, RESULT | ALERT)
@@ -273,7 +274,7 @@ def test_full_pwm_of_the_default_gain():
 @given(address=st.integers(0, 150), data=st.binary(min_size=0, max_size=8), on=st.booleans())
 @settings(max_examples=200, deadline=None)
 def test_no_write_breaks_the_table(address, data, on):
-    servo = EmulatedServo(XM430, 3, 3, 2048, 0.0)
+    servo = EmulatedServo(X_SERIES, XM430, 3, 3, 2048, 0.0)
     servo.put("torque_enable", int(on))
     before = servo.read(0, 147)
     fault = servo.write(address, data)
@@ -296,10 +297,10 @@ def test_no_packet_breaks_the_bus(data, kind, ident):
 
 
 def test_a_rig_that_cannot_be_emulated_is_one_clear_line():
-    with pytest.raises(BusError, match="no servos"):
+    with pytest.raises(BusError, match="0 servos"):
         EmulatedBus(replace(RIG, servos=()))
     odd = replace(RIG.servos[0], model=replace(XM430, name="AX-12A"))
-    with pytest.raises(BusError, match="'AX-12A' is not emulated"):
+    with pytest.raises(BusError, match="'AX-12A' does not speak dynamixel2"):
         EmulatedBus(replace(RIG, servos=(odd,)))
     with pytest.raises(BusError, match="31250"):
         EmulatedBus(small_rig(baud=31250))

@@ -5,12 +5,12 @@ Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0", https://emanual.robotis.com/
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from enum import IntEnum
 
+from drivers.servos.family import BROADCAST, Packet, Reply, Request
+
 HEADER = b"\xff\xff\xfd\x00"
-BROADCAST = 0xFE
-MAX_ID = 0xFC
 MAX_LENGTH = 1024  # of the length field; longer ones are noise
 
 
@@ -45,15 +45,6 @@ class Fault(IntEnum):
     ALERT = 0x80
 
 
-@dataclass(frozen=True)
-class Packet:
-    """One packet, its parameters unstuffed. `instruction` is a plain number, since a foreign one may come."""
-
-    id: int
-    instruction: int
-    params: bytes
-
-
 def _crc_row(byte: int) -> int:
     row = byte << 8
     for _ in range(8):
@@ -84,7 +75,7 @@ def status(ident: int, error: int, params: bytes = b"") -> bytes:
 
 
 class Parser:
-    """Finds packets in a byte stream, whatever pieces it comes in; noise and packets with a wrong CRC are dropped."""
+    """Finds packets in a byte stream, unstuffed; see `Parser` of `family.py`."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -113,9 +104,50 @@ class Parser:
                 self._skip()
                 continue
             del self._buffer[: len(whole)]
-            body = whole[7:-2].replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
+            body = whole[7:-2]
+            if (whole[4], body[0]) != (BROADCAST, Instruction.STATUS):  # A fast reply is not stuffed.
+                body = body.replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
             found.append(Packet(whole[4], body[0], body[1:]))
 
     def _skip(self) -> None:
         self.damaged += 1
         del self._buffer[: len(HEADER)]
+
+
+class Dynamixel2:
+    """The `Codec` of protocol 2.0."""
+
+    def parser(self) -> Parser:
+        """A new parser."""
+        return Parser()
+
+    def ping(self, ident: int) -> Request:
+        """Ask servo `ident` for its model number and firmware."""
+        return Request(build(ident, Instruction.PING), (ident,), 3, 14)
+
+    def read(self, idents: Sequence[int], address: int, size: int, *, group: bool, fast: bool) -> list[Request]:
+        """A sync read; `fast` has all servos answer in one packet."""
+        ids, span = tuple(idents), address.to_bytes(2, "little") + size.to_bytes(2, "little")
+        if fast:
+            data = build(BROADCAST, Instruction.FAST_SYNC_READ, span + bytes(ids))
+            return [Request(data, ids, size, 8 + len(ids) * (size + 4))]
+        return [Request(build(BROADCAST, Instruction.SYNC_READ, span + bytes(ids)), ids, size, len(ids) * (size + 11))]
+
+    def write(self, address: int, rows: Sequence[tuple[int, bytes]]) -> bytes:
+        """A sync write."""
+        size = len(rows[0][1])
+        span = address.to_bytes(2, "little") + size.to_bytes(2, "little")
+        return build(BROADCAST, Instruction.SYNC_WRITE, span + b"".join(bytes([i]) + data for i, data in rows))
+
+    def replies(self, packet: Packet, request: Request) -> list[Reply]:
+        """Of a status packet, or of each servo's part of a fast one: error, id, data, CRC."""
+        if packet.code != Instruction.STATUS or not packet.params:
+            return []
+        if packet.id != BROADCAST:
+            return [Reply(packet.id, packet.params[0], packet.params[1:])]
+        step = request.size + 4
+        whole = packet.params + b"\0\0"  # The last CRC is the packet's own.
+        if len(whole) != step * len(request.ids):
+            return []
+        parts = [whole[at : at + step] for at in range(0, len(whole), step)]
+        return [Reply(p[1], p[0], p[2:-2]) for p in parts]

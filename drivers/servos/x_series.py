@@ -7,7 +7,10 @@ and sizes agree with the `.model` tables that the vendor's SDK carries.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
+
+from drivers.servos.dynamixel2 import Dynamixel2, Fault
+from drivers.servos.family import Family, Model, Register
 
 RAM_START = 64  # Below lies EEPROM, which is writable only while torque is off.
 TICK_S = 0.020  # one unit of the bus watchdog
@@ -18,36 +21,6 @@ POSITION_MODE = 3
 BAUD_CODES = {9600: 0, 57600: 1, 115200: 2, 1000000: 3, 2000000: 4, 3000000: 5, 4000000: 6}
 HARDWARE_ERRORS = {0: "input voltage", 2: "overheating", 3: "motor encoder", 4: "electrical shock", 5: "overload"}
 
-
-@dataclass(frozen=True)
-class Register:
-    """`size` bytes at `address`, little-endian; `low` … `high` may be written, where `low` is None nothing may."""
-
-    name: str
-    address: int
-    size: int
-    default: int = 0
-    low: int | None = None
-    high: int = 0
-    signed: bool = False
-
-
-@dataclass(frozen=True)
-class Model:
-    """What differs between servos of the series. `current_unit`: A a unit of register 126."""
-
-    number: int
-    position_p_gain: int
-    current_unit: float
-    has_current: bool
-
-
-# XL430 reports load in 0.1 % of its stall, not current: of 1.3 A at stall that is 1.3 mA, an estimate.
-MODELS = {
-    "XM430-W350": Model(1020, 800, 2.69e-3, True),
-    "XL430-W250": Model(1060, 640, 1.3e-3, False),
-    "XL330-M288": Model(1200, 400, 1.0e-3, True),
-}
 
 _TURN = 4095
 _ANY32 = 2**31 - 1
@@ -107,10 +80,50 @@ CURRENT_REGISTERS = (
     Register("current_limit", 38, 2, 1193, 0, 1193),
     Register("goal_current", 102, 2, 0, -1193, 1193, signed=True),
 )
-NAMED = {r.name: r for r in (*REGISTERS, *CURRENT_REGISTERS)}
-TABLE_SIZE = 147
+INDIRECT_SLOTS = 28  # XM430 and XL430; where an XL330 has its slots depends on its firmware, so they are not used
+INDIRECT_ADDRESS, INDIRECT_DATA = 168, 224
+INDIRECT = tuple(
+    Register(f"indirect_address_{k + 1}", INDIRECT_ADDRESS + 2 * k, 2, INDIRECT_DATA + k, RAM_START, 251)
+    for k in range(INDIRECT_SLOTS)
+)
+FULL_PWM = 885  # register 36
+PWM_PER_TICK = 1 / 128  # per unit of register 84: e-Manual, "Position PID Gain", KP = register / 128
 
 
-def hardware_errors(bits: int) -> str:
-    """The names of the set bits of register 70."""
-    return ", ".join(name for bit, name in HARDWARE_ERRORS.items() if bits >> bit & 1) or f"unknown (0x{bits:02x})"
+def full_error(position_p_gain: int, ticks_per_turn: int = 4096) -> float:
+    """Position error in rad at which the controller asks for full PWM."""
+    return FULL_PWM / (position_p_gain * PWM_PER_TICK) * 2 * math.pi / ticks_per_turn
+
+
+def _model(number: int, position_p_gain: int, current_unit: float, *, has_current: bool, indirect: bool) -> Model:
+    gain = {"position_p_gain": position_p_gain}
+    registers = (*REGISTERS, *(CURRENT_REGISTERS if has_current else ()), *(INDIRECT if indirect else ()))
+    return Model(
+        number=number,
+        registers=tuple(replace(r, default=gain.get(r.name, r.default)) for r in registers),
+        eeprom=range(RAM_START),
+        state=("present_current", "present_position", "present_input_voltage", "present_temperature"),
+        voltage_unit=VOLTAGE_UNIT,
+        full_error=full_error(position_p_gain),
+        errors=HARDWARE_ERRORS,
+        current=("present_current", current_unit),
+        speed=("profile_velocity", VELOCITY_UNIT),
+        setup={"return_delay_time": 0, "operating_mode": POSITION_MODE},
+        error_register="hardware_error_status",
+        indirect=(INDIRECT_ADDRESS, INDIRECT_DATA) if indirect else None,
+    )
+
+
+# XL430 reports load in 0.1 % of its stall, not current: of 1.3 A at stall that is 1.3 mA, an estimate.
+X_SERIES = Family(
+    name="dynamixel2",
+    codec=Dynamixel2(),
+    models={
+        "XM430-W350": _model(1020, 800, 2.69e-3, has_current=True, indirect=True),
+        "XL430-W250": _model(1060, 640, 1.3e-3, has_current=False, indirect=True),
+        "XL330-M288": _model(1200, 400, 1.0e-3, has_current=True, indirect=False),
+    },
+    bauds=BAUD_CODES,
+    alerts=Fault.ALERT,
+    watchdog_s=(TICK_S, 127),
+)

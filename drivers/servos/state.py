@@ -1,0 +1,168 @@
+"""What the servos of a line last said, kept fresh: in one packet where they can, in turn where they cannot.
+
+Servos with indirect addressing are told to put torque, error and state side by side, so that one block holds them all.
+Readings that a servo cannot have reached since its last are taken for damage and asked for again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from drivers.bus import BusError
+from drivers.servos.family import Block, Model, Register, Request
+from drivers.servos.line import TRIES, Line, Unit
+
+READ_S = 0.008  # Servos that answer one by one are read for so long in a cycle, in turn, and at least one.
+
+
+class States:
+    """Register values of every unit of `line`. `pace`, by id: ticks/s that the servo can make, and ticks of slack.
+
+    Every method raises BusError where a servo is silent, has a hardware error, or says what cannot be.
+    """
+
+    def __init__(self, line: Line, pace: Mapping[int, tuple[float, float]]) -> None:
+        self._line = line
+        self._pace = dict(pace)
+        self._values: dict[int, dict[str, int]] = {i: {} for i in line.units}
+        self._kept: dict[int, dict[str, int]] = {i: {} for i in line.units}
+        self._read_at: dict[int, float] = {}
+        self._indirect: set[int] = set()
+        self._turn = self._slow_turn = 0
+        self._asked: Request | None = None
+        self.on = (
+            False  # Torque is on: readings are held to what a servo can do, guarded registers to what was written.
+        )
+
+    def __getitem__(self, ident: int) -> dict[str, int]:
+        """Values of servo `ident` by register name."""
+        return self._values[ident]
+
+    def read_all(self) -> None:
+        """Everything of every servo, one after the other; garbled answers show here."""
+        for unit in self._line.units.values():
+            self._accept(unit, self._one(unit, self._block(unit)))
+            self._read_slow(unit)
+
+    def keep(self, name: str, values: Mapping[int, int]) -> None:
+        """Write what the servos must keep for as long as the torque is on."""
+        self._line.write(name, values)
+        for ident, value in values.items():
+            self._kept[ident][name] = value
+
+    def reset(self, *, on: bool) -> None:
+        """The torque was switched: what was asked or known of the pace of things no longer counts."""
+        self.on = on
+        self._asked = None
+        self._read_at.clear()
+
+    def ask(self, before: bytes) -> None:
+        """Send `before` and the first group request behind it; `refresh` takes the answers."""
+        groups = self._groups()
+        if not groups:
+            self._line.port.send(before)
+            return
+        self._asked = self._line.state_request(*groups[0])
+        self._line.port.start(self._asked, before)
+
+    def refresh(self) -> None:
+        """Read all that are read together, as many of the others as there is time for, and one servo's slow values."""
+        units = list(self._line.units.values())
+        for block, ids in self._groups():
+            self._read_group(block, ids)
+        singles = [u for u in units if not u.model.group_read]
+        until = self._line.port.now() + READ_S
+        for _ in singles:
+            unit = singles[self._turn % len(singles)]
+            self._turn += 1
+            self._accept(unit, self._one(unit, self._block(unit)))
+            if self._line.port.now() > until:
+                break
+        self._read_slow(units[self._slow_turn % len(units)])
+        self._slow_turn += 1
+
+    def point(self) -> None:
+        """Point the indirect addresses, where there are any, at torque, error and state; check that they do."""
+        slots = {
+            u.id: [r.address + k for r in _pointed(u.model) for k in range(r.size)]
+            for u in self._line.units.values()
+            if u.model.indirect is not None
+        }
+        self._indirect = set(slots)
+        for k in range(max(map(len, slots.values()), default=0)):
+            wanted = {i: s[k] for i, s in slots.items()}
+            self._line.write(f"indirect_address_{k + 1}", wanted)
+            said = self._line.read(f"indirect_address_{k + 1}", list(wanted))
+            self._indirect -= {i for i in wanted if said[i] != wanted[i]}
+
+    def _groups(self) -> list[tuple[Block, list[int]]]:
+        """Servos that are read together, and their block."""
+        groups: dict[tuple[int, int], tuple[Block, list[int]]] = {}
+        for unit in self._line.units.values():
+            if unit.model.group_read:
+                block = self._block(unit)
+                groups.setdefault((block.address, block.size), (block, []))[1].append(unit.id)
+        return list(groups.values())
+
+    def _block(self, unit: Unit) -> Block:
+        model = unit.model
+        if unit.id not in self._indirect or model.indirect is None:
+            return model.block(model.state)
+        offsets, at = [], 0
+        for register in _pointed(model):
+            offsets.append((register, at))
+            at += register.size
+        return Block(model.indirect[1], at, tuple(offsets))
+
+    def _read_group(self, block: Block, ids: Sequence[int]) -> None:
+        port, codec = self._line.port, self._line.family.codec
+        if self._asked is not None:
+            found = port.collect(codec)
+            self._asked = None
+        else:
+            found = port.ask(codec, self._line.state_request(block, ids))
+        self._line.note(len(found) == len(ids))
+        rows = self._line.read_block(block, ids, group=True, found=found)
+        for ident in ids:
+            self._accept(self._line.units[ident], rows[ident])
+
+    def _one(self, unit: Unit, block: Block) -> dict[str, int]:
+        return self._line.read_block(block, [unit.id], group=unit.model.group_read)[unit.id]
+
+    def _read_slow(self, unit: Unit) -> None:
+        for names in unit.model.slow:
+            self._take(unit, self._one(unit, unit.model.block(names)))
+
+    def _accept(self, unit: Unit, row: dict[str, int]) -> None:
+        """Take `row`, once it says a position that the servo can have."""
+        for _ in range(TRIES):
+            if self._plausible(unit, row["present_position"]):
+                break
+            row = self._one(unit, self._block(unit))
+        else:
+            raise BusError(f"{unit}: says that it is at {row['present_position']} ticks, where it cannot have got to")
+        self._read_at[unit.id] = self._line.port.now()
+        self._take(unit, row)
+
+    def _plausible(self, unit: Unit, position: int) -> bool:
+        if not self.on or unit.id not in self._read_at:
+            return True
+        pace, slack = self._pace[unit.id]
+        dt = self._line.port.now() - self._read_at[unit.id]
+        return abs(position - self._values[unit.id]["present_position"]) <= pace * dt + slack
+
+    def _take(self, unit: Unit, row: Mapping[str, int]) -> None:
+        if bits := row.get(unit.model.error_register or "", 0):
+            self._line.fail(unit, bits)
+        for name, kept in self._kept[unit.id].items():
+            if self.on and row.get(name, kept) != kept:
+                raise BusError(
+                    f"{unit}: {name} fell from {kept} to {row[name]}: it has rebooted (a dip of its supply?)"
+                )
+        self._values[unit.id] |= row
+
+
+def _pointed(model: Model) -> list[Register]:
+    """What one block of indirect data holds."""
+    names = ["torque_enable", *([model.error_register] if model.error_register else []), *model.state]
+    return [model.named(n) for n in names]
