@@ -25,8 +25,8 @@ class EmulatedLine:
     """The emulated bus of `rig`; arguments and errors of `EmulatedBus`, `now` s being the time at the start.
 
     `noise` on the line may be set at any time; it is the same each time from one `seed`. `echo`: the host hears what it
-    sends, as on many half-duplex adapters. `latency_s`: what a USB adapter waits before it passes answers on. `traffic`:
-    what the host sent, as it sent it.
+    sends, as on many half-duplex adapters. `latency_s`: what a USB adapter waits before it passes answers on.
+    `traffic`: what the host sent, as it sent it.
     """
 
     def __init__(

@@ -8,7 +8,7 @@ from random import Random
 
 @dataclass(frozen=True)
 class Noise:
-    """Chance of each byte to be dropped, corrupted (one bit) or doubled; `late_s` is added to every answer.
+    """Chance of each byte to be dropped, corrupted (any byte in its place) or doubled; `late_s` is added to answers.
 
     `down` and `up`: whether it hurts what the host sends and what it hears.
     """
@@ -28,7 +28,7 @@ def hurt(data: bytes, noise: Noise, random: Random) -> bytes:
         if random.random() < noise.drop:
             continue
         if random.random() < noise.corrupt:
-            byte ^= 1 << random.randrange(8)
+            byte = random.randrange(256)
         out.append(byte)
         if random.random() < noise.double:
             out.append(byte)

@@ -106,8 +106,9 @@ class Line:
         return request
 
     def note(self, answered: bool) -> None:
-        """Count a group read that was, or was not, answered whole."""
-        self._fast_failures = 0 if answered else self._fast_failures + 1
+        """Whether a request for the state was answered whole: after TRIES that were not, no fast one is sent again."""
+        if self._fast_failures < TRIES:
+            self._fast_failures = 0 if answered else self._fast_failures + 1
 
     def write(self, name: str, values: Mapping[int, int]) -> None:
         """Write register `name` of the servos in `values`, by id; those without such a register are left out."""

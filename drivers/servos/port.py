@@ -24,7 +24,7 @@ except ImportError:  # Windows
     PORT_ERRORS = (OSError,)
 
 SLICE_S = 0.005  # one blocking read; the kernel waits, not the processor
-LATENCY_S = 0.02  # a USB adapter's buffer keeps bytes back for 16 ms
+LATENCY_S = 0.034  # a USB adapter's buffer keeps bytes back for 16 ms, each way
 BITS_PER_BYTE = 10  # start, eight, stop
 RETURN_DELAY_S = 0.51e-3  # before each reply, at most: 254 units of 2 µs
 

@@ -57,11 +57,12 @@ class PwmBus:
         names = rig.joint_names()
         self._goal = np.array([rig.pose_vector(rig.safe)[names.index(j)] for j in self.joints])
         self._on = False
+        self._turn = 0
 
     def __enter__(self) -> PwmBus:
         self._port.__enter__()
         try:
-            pulses = self._pulses()
+            pulses = self._pulses(self._channels)
             if pulses is None:
                 raise BusError(f"no {self._board.name} answers on {self._port.path} at {self._port.baud} baud")
             held = np.array(pulses)
@@ -81,8 +82,17 @@ class PwmBus:
             self._port.__exit__()
 
     def read(self) -> Reading:
-        """Where the servos were told to be; current, temperature and voltage are not measured."""
+        """Where the servos were told to be; current, temperature and voltage are not measured.
+
+        Raises BusError where the board reports errors, or no longer makes a pulse that it was told to make.
+        """
         self._check()
+        if self._on and self._board.tells_off:
+            self._turn = (self._turn + 1) % len(self._channels)
+            channel = self._channels[self._turn]
+            if self._pulses((channel,)) in (None, [0]):
+                joint = self.joints[self._turn]
+                raise BusError(f"servo {channel} ({joint}): no pulse: the {self._board.name} has restarted")
         return Reading(self._goal.copy(), np.zeros(0), np.zeros(0), np.zeros(0))
 
     def write(self, goal: Array) -> None:
@@ -100,7 +110,7 @@ class PwmBus:
             return
         for _ in range(TRIES):
             self._port.send(self._board.pulses(dict.fromkeys(self._channels, 0), self._speeds))
-            left = self._pulses() if self._board.tells_off else [0]
+            left = self._pulses(self._channels) if self._board.tells_off else [0]
             if left is not None and not any(left):
                 self._on = False
                 return
@@ -111,8 +121,8 @@ class PwmBus:
         self._port.send(self._board.pulses(widths, self._speeds))
         self._goal = np.asarray(goal, float).copy()
 
-    def _pulses(self) -> list[int] | None:
-        question, size = self._board.question(self._channels)
+    def _pulses(self, channels: tuple[int, ...]) -> list[int] | None:
+        question, size = self._board.question(channels)
         for _ in range(TRIES):
             data = self._port.read_bytes(question, size)
             if len(data) == size:
