@@ -16,7 +16,7 @@ from retarget.rig import Rig
 RETURN_DELAY_S = 2e-6  # one unit of the return delay register
 BITS_PER_BYTE = 10  # start, eight, stop
 EVENTS_KEPT = 200_000
-PAUSE_S = 0.05  # A packet that stops in the middle for so long is forgotten.
+PAUSE_S = 0.02  # A packet that stops in the middle for so long is forgotten: an estimate.
 
 Answers = Callable[[Packet, Listeners], Iterator[tuple[int, bytes]]]
 ANSWERS: dict[str, Answers] = {

@@ -45,7 +45,7 @@ class EmulatedServo:
         }
         self._stall = made.stall_current
         self.motor = Motor(made.no_load_speed, self.model.full_error, ticks * self.radians)
-        self.error = 0
+        self.error, self._failed = 0, False
         self.pending: tuple[int, bytes] | None = None
         self.now = self._fed = now
         self._move_speed = math.inf
@@ -77,6 +77,7 @@ class EmulatedServo:
         bits = sum(1 << bit for bit, name in self.model.errors.items() if name == cause)
         if self.model.errors and not bits:
             raise ValueError(f"no error {cause!r}; there are {', '.join(self.model.errors.values())}")
+        self._failed = True
         self.error |= bits
         if "hardware_error_status" in self._named:
             self.put("hardware_error_status", self.get("hardware_error_status") | bits)
@@ -86,7 +87,7 @@ class EmulatedServo:
     def reboot(self, now: float) -> None:
         """RAM back to its defaults and torque off, as after a command or a dip of the supply."""
         self.advance(now)
-        self.pending, self.error = None, 0
+        self.pending, self.error, self._failed = None, 0, False
         self._reset(saved=False)
         self.advance(now)
 
@@ -158,7 +159,7 @@ class EmulatedServo:
 
     def _goal(self, value: int) -> int:
         """The goal as the servo keeps it, with what else it does on a goal."""
-        if self.model.enables:
+        if self.model.enables and not self._failed:
             self.put("torque_enable", 1)
         if self.family.name == "lx16a":
             ticks, ms = value & 0xFFFF, value >> 16

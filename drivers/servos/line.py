@@ -9,7 +9,7 @@ from drivers.bus import BusError
 from drivers.servos.family import Block, Family, Model, Reply, Request
 from drivers.servos.port import Port
 
-TRIES = 3
+TRIES = 5
 
 
 @dataclass(frozen=True)

@@ -108,13 +108,18 @@ class PwmBus:
             self._on = True
             self._send(self._goal)
             return
+        problem = "they go on"
         for _ in range(TRIES):
-            self._port.send(self._board.pulses(dict.fromkeys(self._channels, 0), self._speeds))
-            left = self._pulses(self._channels) if self._board.tells_off else [0]
+            try:
+                self._port.send(self._board.pulses(dict.fromkeys(self._channels, 0), self._speeds))
+                left = self._pulses(self._channels) if self._board.tells_off else [0]
+            except BusError as error:
+                problem = str(error)
+                continue
             if left is not None and not any(left):
                 self._on = False
                 return
-        raise BusError(f"{self._port.path}: pulses off is not confirmed, cut the power")
+        raise BusError(f"pulses off is not confirmed, cut the power: {problem}")
 
     def _send(self, goal: Array) -> None:
         widths = dict(zip(self._channels, self._calibration.ticks(goal).tolist(), strict=True))

@@ -140,6 +140,7 @@ class States:
                 break
             row = self._one(unit, self._block(unit))
         else:
+            self._check_kept(unit, row)
             raise BusError(f"{unit}: says that it is at {row['present_position']} ticks, where it cannot have got to")
         self._read_at[unit.id] = self._line.port.now()
         self._take(unit, row)
@@ -154,12 +155,15 @@ class States:
     def _take(self, unit: Unit, row: Mapping[str, int]) -> None:
         if bits := row.get(unit.model.error_register or "", 0):
             self._line.fail(unit, bits)
+        self._check_kept(unit, row)
+        self._values[unit.id] |= row
+
+    def _check_kept(self, unit: Unit, row: Mapping[str, int]) -> None:
         for name, kept in self._kept[unit.id].items():
             if self.on and row.get(name, kept) != kept:
                 raise BusError(
                     f"{unit}: {name} fell from {kept} to {row[name]}: it has rebooted (a dip of its supply?)"
                 )
-        self._values[unit.id] |= row
 
 
 def _pointed(model: Model) -> list[Register]:
