@@ -76,13 +76,15 @@ class SerialWire:
 class Port:
     """The port `wire`, or the serial port of this path, at `baud`; a context manager.
 
-    Every method raises BusError where the port fails.
+    `patience_s`: how long an answer may take beyond its time on the wire. Every method raises BusError where the port
+    fails.
     """
 
-    def __init__(self, wire: str | Wire, baud: int) -> None:
+    def __init__(self, wire: str | Wire, baud: int, *, patience_s: float = LATENCY_S) -> None:
         self._wire: Wire = SerialWire(wire) if isinstance(wire, str) else wire
         self.path, self.baud, self.now = self._wire.path, baud, self._wire.now
         self._serial: Serial | None = None
+        self._patience_s = patience_s
         self.silence = 0.0  # s, the longest between two sends since somebody set it to 0
         self.garbled = False  # whether more came in answer to the last request than makes sense
         self._last_sent = 0.0
@@ -128,7 +130,7 @@ class Port:
             self.note_silence()
             wire.write(sent)
         wire_s = (len(sent) + request.reply_bytes) * BITS_PER_BYTE / self.baud
-        self._awaited = (sent, request, self._last_sent + wire_s + len(request.ids) * RETURN_DELAY_S + LATENCY_S)
+        self._awaited = (sent, request, self._last_sent + wire_s + len(request.ids) * RETURN_DELAY_S + self._patience_s)
 
     def collect(self, codec: Codec) -> dict[int, Reply]:
         """The answers to the request that was started last."""
@@ -157,7 +159,7 @@ class Port:
             wire.reset_input_buffer()
             self.note_silence()
             wire.write(request)
-            deadline = self._last_sent + (len(request) + size) * BITS_PER_BYTE / self.baud + LATENCY_S
+            deadline = self._last_sent + (len(request) + size) * BITS_PER_BYTE / self.baud + self._patience_s
             data = b""
             while len(data) < size and self.now() < deadline:
                 data += wire.read(size - len(data))

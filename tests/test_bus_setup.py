@@ -1,0 +1,97 @@
+"""Scan, set-id, relax and monitor, on emulated buses of every family."""
+
+import json
+
+import pytest
+from families import FAMILIES, rig_of
+
+from drivers.bus import BusError
+from drivers.emulation.emulator import Emulator
+from drivers.emulation.in_process import InProcess
+from drivers.servos.connect import connect
+from drivers.servos.setup import Found, relax, scan, set_id
+from retarget.rig import load_rig
+from rigcast.__main__ import main
+
+PACKETS = {k: k.partition(" ")[0] for k in FAMILIES if k not in ("maestro", "ssc32")}
+
+
+@pytest.mark.parametrize("kind", PACKETS)
+def test_a_scan_finds_who_is_there_and_nobody_else(kind):
+    rig = rig_of(kind)
+    wire = InProcess(rig)
+    bus, model = rig.buses[0], rig.servos[0].model.name
+    told = []
+    found = list(scan(wire, highest_id=9, told=lambda protocol, baud: told.append((protocol, baud))))
+    assert [f for f in found if f.protocol == PACKETS[kind]] == [
+        Found(PACKETS[kind], bus.baud, i, model) for i in (1, 3, 7)
+    ]
+    # A ping of protocol 1.0 and of Feetech are the same bytes; the model tells them apart.
+    assert {f.model for f in found if f.protocol != PACKETS[kind]} <= {"unknown (None)", "unknown (0)"} or all(
+        f.model.startswith("unknown") for f in found if f.protocol != PACKETS[kind]
+    )
+    assert ("dynamixel2", 57600) in told
+    assert wire.events("torque_enable") == []
+
+
+@pytest.mark.parametrize("kind", PACKETS)
+def test_a_new_id(kind):
+    rig, protocol = rig_of(kind), PACKETS[kind]
+    wire, baud = InProcess(rig), rig.buses[0].baud
+    assert set_id(wire, protocol, baud, 3, 20).id == 20
+    assert [f.id for f in scan(wire, protocols=(protocol,), bauds=(baud,), highest_id=30)] == [1, 7, 20]
+    with pytest.raises(BusError, match="id 7 is taken"):
+        set_id(wire, protocol, baud, 1, 7)
+    with pytest.raises(BusError, match=f"no {protocol} servo 3 answers"):
+        set_id(wire, protocol, baud, 3, 4)
+    with pytest.raises(BusError, match=r"id 300; it is in 0…252"):
+        set_id(wire, protocol, baud, 1, 300)
+    with pytest.raises(BusError, match="'maestro' has no ids"):
+        set_id(wire, "maestro", baud, 1, 2)
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_relax_lets_go_of_all_that_can_be_reached(kind):
+    rig = rig_of(kind)
+    wire = InProcess(rig)
+    bus = connect(rig, wire)
+    bus.__enter__()  # and never left: as after a program that was killed
+    bus.torque(True)
+    assert all(wire.torque().values())
+    if kind in PACKETS:
+        wire.remove("b")
+    assert relax(rig, wire) == (["b"] if kind in PACKETS else [])
+    assert not any(wire.torque().values())
+
+
+def test_the_verbs(capsys):
+    with Emulator(load_rig("puppet")) as emulator:
+        common = ["--port", emulator.port]
+        scanned = [
+            "bus",
+            "scan",
+            *common,
+            "--protocol",
+            "dynamixel2",
+            "--baud",
+            "1000000",
+            "--highest-id",
+            "2",
+            "--json",
+        ]
+        assert main(scanned) == 0
+        assert [(s["id"], s["model"]) for s in json.loads(capsys.readouterr().out)] == [
+            (1, "XM430-W350"),
+            (2, "XM430-W350"),
+        ]
+        assert main(["bus", "monitor", *common, "--seconds", "0"]) == 0
+        assert "left_elbow" in capsys.readouterr().out
+        assert main(["bus", "relax", *common]) == 0
+        assert capsys.readouterr().out == "all limp\n"
+        renamed = ["bus", "set-id", *common, "--protocol", "dynamixel2", "--old", "1", "--new", "40"]
+        assert main(renamed) == 0
+        assert capsys.readouterr().out == "XM430-W350 1 is now 40\n"
+        assert main(renamed) == 2
+        assert "no dynamixel2 servo 1 answers" in capsys.readouterr().err
+        assert main(["bus", "scan", *common, "--protocol", "lx16a", "--highest-id", "1"]) == 1
+        assert main(["bus", "scan", *common, "--protocol", "morse"]) == 2
