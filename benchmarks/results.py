@@ -196,7 +196,7 @@ Nothing in it imports torch. Seconds of each stage in that run:
 ## From a sentence to servos
 
 `rigcast demo`, in full: a wave, checked, filmed, streamed over ZeroMQ to a driver that turns twenty emulated servos
-through the maker's SDK and a serial path. The error is that of each servo against its command a cycle before.
+through a serial path. The error is that of each servo against its command a cycle before.
 
 ```
 {demo}

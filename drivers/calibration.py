@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drivers.bus import Array, BusError
-from retarget.rig import Rig
+from retarget.rig import Rig, Servo
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,22 @@ def load_calibration(rig: Rig, path: Path | None = None) -> Calibration:
             raise BusError(f"{path}: [{servo.joint}] takes direction and zero, not {entry}")
         direction.append(entry.get("direction", 1))
         first, last = servo.model.ticks
-        zero.append(entry.get("zero", (first + last + 1) // 2))
         if direction[-1] not in (1, -1):
             raise BusError(f"{path}: [{servo.joint}] direction {direction[-1]!r}; it is 1 or -1")
+        zero.append(entry.get("zero", _default_zero(rig, servo, direction[-1])))
         if type(zero[-1]) is not int or not first <= zero[-1] <= last:
             raise BusError(f"{path}: [{servo.joint}] zero {zero[-1]!r}; it is in {first}…{last}")
     turn = np.array([s.model.ticks_per_turn for s in rig.servos])
     return Calibration(np.array(direction, np.int64), np.array(zero, np.int64), turn)
+
+
+def _default_zero(rig: Rig, servo: Servo, direction: int) -> int:
+    """The servo's middle; where the joint's limits do not fit about it, the tick that has them in the middle."""
+    first, last = servo.model.ticks
+    middle = (first + last + 1) // 2
+    [joint] = [j for j in rig.joints if j.name == servo.joint]
+    turn = servo.model.ticks_per_turn / (2 * math.pi)
+    ends = [direction * angle * turn for angle in (joint.lower, joint.upper)]
+    if first <= middle + min(ends) and middle + max(ends) <= last:
+        return middle
+    return middle - round(sum(ends) / 2)

@@ -232,9 +232,13 @@ def _servo_model(name: str, t: Table) -> ServoModel:
         stall_current=t.number("stall_current", positive=True),
         voltage=t.number("voltage", positive=True),
         ticks_per_turn=t.number("ticks_per_turn", positive=True),
-        ticks=tuple(round(end) for end in t.span("ticks")),
+        ticks=_ticks(*t.span("ticks")),
         datasheet=t.text("datasheet"),
     )
+
+
+def _ticks(lowest: float, highest: float) -> tuple[int, int]:
+    return round(lowest), round(highest)
 
 
 def _rig(folder: Path, t: Table) -> Rig:

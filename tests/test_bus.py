@@ -134,12 +134,12 @@ def test_registers_are_those_of_the_vendors_tables(model):
     names = [r.name for r in ours.registers if not r.name.startswith("indirect_address_")]
     missing = [n for n in names if vendor.get(n) is None]
     assert missing in ([], ["secondary_id"])
-    wrong = [n for n in names if n not in missing and vendor[n] != (ours.named(n).address, ours.named(n).size)]
+    wrong = [n for n in names if n not in missing and vendor[n] != (ours.by_name[n].address, ours.by_name[n].size)]
     assert wrong == []
     if ours.indirect is not None:
         assert ours.indirect == (vendor["indirect_address_1"][0], vendor["indirect_data_1"][0])
-        assert ours.named("indirect_address_28").address == ours.indirect[0] + 54
-    assert ours.has("goal_current") == ("goal_current" in vendor)
+        assert ours.by_name["indirect_address_28"].address == ours.indirect[0] + 54
+    assert ("goal_current" in ours.by_name) == ("goal_current" in vendor)
 
 
 # --- calibration

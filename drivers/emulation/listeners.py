@@ -62,9 +62,13 @@ class Listeners:
 
     def together(self, ident: int, answer: Callable[[EmulatedServo], bytes]) -> bytes:
         """What the line carries when all servos with the id `ident` answer at once."""
-        answers = [answer(servo) for servo in self.at(ident)]
-        longest = max((len(a) for a in answers), default=0)
-        line = b"\xff" * longest
-        for each in answers:
-            line = bytes(a & b for a, b in zip(line, each.ljust(longest, b"\xff"), strict=True))
-        return line
+        return collide([answer(servo) for servo in self.at(ident)])
+
+
+def collide(answers: Sequence[bytes]) -> bytes:
+    """What an open-collector line carries when all `answers` are sent at once: a 0 wins."""
+    longest = max((len(a) for a in answers), default=0)
+    line = b"\xff" * longest
+    for each in answers:
+        line = bytes(a & b for a, b in zip(line, each.ljust(longest, b"\xff"), strict=True))
+    return line

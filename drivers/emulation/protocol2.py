@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from drivers.emulation.listeners import Listeners
+from drivers.emulation.listeners import Listeners, collide
 from drivers.emulation.servo import EmulatedServo
 from drivers.servos.dynamixel2 import HEADER, Fault, Instruction, crc16, status
 from drivers.servos.family import BROADCAST, Packet
@@ -101,12 +101,16 @@ def _fast_read(line: Listeners, params: bytes) -> Iterator[tuple[int, bytes]]:
         return
     packet = HEADER + bytes([BROADCAST]) + (1 + len(idents) * (size + 4)).to_bytes(2, "little")
     packet += bytes([Instruction.STATUS])
-    delay = 0
+    delay, crc = 0, crc16(packet)
     for ident in idents:
         servos = line.at(ident)
-        if not servos or any(isinstance(s.read(address, size), Fault) for s in servos):
+        read = [(s.alert, s.read(address, size)) for s in servos]
+        parts = [bytes([alert, ident]) + a for alert, a in read if not isinstance(a, Fault)]
+        if not servos or len(parts) < len(servos):
             break
-        packet += line.together(ident, lambda s, i=ident: bytes([s.alert, i]) + bytes(s.read(address, size)))  # type: ignore[misc]
-        packet += crc16(packet).to_bytes(2, "little")
+        part = collide(parts)
+        crc = crc16(part, crc)
+        packet += part + crc.to_bytes(2, "little")
+        crc = crc16(crc.to_bytes(2, "little"), crc)
         delay = delay or servos[0].get("return_delay_time")
     yield delay, packet

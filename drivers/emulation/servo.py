@@ -33,6 +33,7 @@ class EmulatedServo:
         self.radians = 2 * math.pi / made.ticks_per_turn
         self._by_address = sorted(self.model.registers, key=lambda r: r.address)
         self._named = {r.name: r for r in self.model.registers}
+        self._at = {r.address + k: (r, k) for r in self.model.registers for k in range(r.size)}
         last = self._by_address[-1]
         slots = sum(r.name.startswith("indirect_address_") for r in self.model.registers)
         self._end = last.address + last.size + slots  # Indirect data lies right behind the indirect addresses.
@@ -117,13 +118,7 @@ class EmulatedServo:
         """`length` bytes from `address`, or why not."""
         if length < 1 or address + length > self._end:
             return Fault.LENGTH
-        out = bytearray(length)
-        for register in self._by_address:
-            if register.address < address + length and address < register.address + register.size:
-                for k, byte in enumerate(register.encode(self._values[register.name])):
-                    if 0 <= register.address + k - address < length:
-                        out[register.address + k - address] = byte
-        return bytes(self._indirect(address, out))
+        return bytes(self._byte(a) for a in range(address, address + length))
 
     def write(self, address: int, data: bytes) -> Fault:
         """Write `data` from `address` on as the servo's rules allow; all of it or nothing."""
@@ -201,19 +196,15 @@ class EmulatedServo:
     def _present(self) -> int:
         return round(self.motor.angle / self.radians) + self._values.get("homing_offset", 0)
 
-    def _indirect(self, address: int, out: bytearray) -> bytearray:
-        """Indirect data registers hold what their addresses point at."""
+    def _byte(self, address: int) -> int:
+        """What is at `address`; an indirect data register holds what its address register points at."""
+        if address in self._at:
+            register, k = self._at[address]
+            return register.encode(self._values[register.name])[k]
         if self.model.indirect is None:
-            return out
-        _, data = self.model.indirect
-        for k in range(len(out)):
-            slot = address + k - data
-            if slot >= 0 and f"indirect_address_{slot + 1}" in self._values:
-                target = self.get(f"indirect_address_{slot + 1}")
-                if target < data:
-                    pointed = self.read(target, 1)
-                    out[k] = pointed[0] if isinstance(pointed, bytes) else 0
-        return out
+            return 0
+        target = self._values.get(f"indirect_address_{address - self.model.indirect[1] + 1}", address)
+        return self._byte(target) if target in self._at else 0
 
     def _reset(self, *, saved: bool) -> None:
         for register in self.model.registers:

@@ -98,5 +98,5 @@ def lewansoul(packet: Packet, line: Listeners) -> Iterator[tuple[int, bytes]]:
 
 
 def _told(servo: EmulatedServo, name: str, command: int) -> bytes:
-    register = servo.model.named(name)
+    register = servo.model.by_name[name]
     return lx16a.FRAME.build(servo.get("id"), command, register.encode(servo.get(name)))

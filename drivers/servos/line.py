@@ -41,9 +41,9 @@ class Line:
         if len(reply.data) == 3:  # protocol 2.0 tells it in the ping
             return int.from_bytes(reply.data[:2], "little")
         model = self.units[ident].model
-        if not model.has("model_number"):
+        if "model_number" not in model.by_name:
             return 0
-        register = model.named("model_number")
+        register = model.by_name["model_number"]
         [request] = self.family.codec.read([ident], register.address, register.size, group=False, fast=False)
         number = self._first(request)
         return None if number is None else register.decode(number.data)
@@ -119,7 +119,7 @@ class Line:
         """The bytes that write register `name`."""
         out = []
         for model, ids in self._by_model(values, name):
-            register = model.named(name)
+            register = model.by_name[name]
             out.append(self.family.codec.write(register.address, [(i, register.encode(values[i])) for i in ids]))
         return out
 
@@ -152,8 +152,8 @@ class Line:
         groups: dict[tuple[int, int, bool], tuple[Model, list[int]]] = {}
         for ident in idents:
             model = self.units[ident].model
-            if model.has(name):
-                register = model.named(name)
+            if name in model.by_name:
+                register = model.by_name[name]
                 groups.setdefault((register.address, register.size, model.group_read), (model, []))[1].append(ident)
         return list(groups.values())
 

@@ -140,7 +140,7 @@ class PacketBus:
             said = self._line.read(name, list(wanted))
             self._line.write(name, {i: value for i, value in wanted.items() if said[i] != value})
         for name in dict.fromkeys(u.model.speed[0] for u in units.values() if u.model.speed is not None):
-            self._states.keep(name, {i: s for i, s in self._speed.items() if units[i].model.has(name)})
+            self._states.keep(name, {i: s for i, s in self._speed.items() if name in units[i].model.by_name})
         self._states.point()
 
     def _torque_off(self) -> None:

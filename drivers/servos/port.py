@@ -85,6 +85,7 @@ class Port:
         self.path, self.baud, self.now = self._wire.path, baud, self._wire.now
         self._serial: Serial | None = None
         self._patience_s = patience_s
+        self.asked_at = 0.0  # when the last request went out
         self.silence = 0.0  # s, the longest between two sends since somebody set it to 0
         self.garbled = False  # whether more came in answer to the last request than makes sense
         self._last_sent = 0.0
@@ -130,7 +131,8 @@ class Port:
             self.note_silence()
             wire.write(sent)
         wire_s = (len(sent) + request.reply_bytes) * BITS_PER_BYTE / self.baud
-        self._awaited = (sent, request, self._last_sent + wire_s + len(request.ids) * RETURN_DELAY_S + self._patience_s)
+        self.asked_at = self._last_sent
+        self._awaited = (sent, request, self.asked_at + wire_s + len(request.ids) * RETURN_DELAY_S + self._patience_s)
 
     def collect(self, codec: Codec) -> dict[int, Reply]:
         """The answers to the request that was started last."""

@@ -15,6 +15,7 @@ from retarget.rig import Rig
 
 SCAN_PATIENCE_S = 0.02  # a USB adapter's 16 ms, and a little
 TRIES = 3
+PINGS = 2  # One lost byte hides nobody.
 
 
 @dataclass(frozen=True)
@@ -69,12 +70,12 @@ def set_id(wire: str | Wire, protocol: str, baud: int, old: int, new: int) -> Fo
         model = family.models.get(name) or next(iter(family.models.values()))
         line = Line(port, family, [Unit(i, "", model, name) for i in (old, new)])
         line.write("torque_enable", {old: 0})
-        if model.has("lock"):
+        if "lock" in model.by_name:
             line.write("lock", {old: 0})  # Feetech servos forget what is written while they are locked.
         line.write("id", {old: new})
         if _model_at(port, family, new) is None:
             raise BusError(f"servo {old} does not answer as {new}")
-        if model.has("lock"):
+        if "lock" in model.by_name:
             line.write("lock", {new: 1})
     return Found(protocol, baud, new, name)
 
@@ -100,7 +101,7 @@ def relax(rig: Rig, wire: str | Wire) -> list[str]:
 
 def _says_off(line: Line, ident: int) -> bool:
     unit = line.units[ident]
-    register = unit.model.named("torque_enable")
+    register = unit.model.by_name["torque_enable"]
     [request] = line.family.codec.read([ident], register.address, register.size, group=False, fast=False)
     reply = line.port.ask(line.family.codec, request).get(ident)
     return reply is not None and register.decode(reply.data) == 0
@@ -108,7 +109,7 @@ def _says_off(line: Line, ident: int) -> bool:
 
 def _model_at(port: Port, family: Family, ident: int) -> str | None:
     """The model that servo `ident` says that it is; None where nobody answers."""
-    if not port.ask(family.codec, family.codec.ping(ident)):
+    if not any(port.ask(family.codec, family.codec.ping(ident)) for _ in range(PINGS)):
         return None
     numbers = []
     for name, model in family.models.items():

@@ -28,6 +28,7 @@ class States:
         self._kept: dict[int, dict[str, int]] = {i: {} for i in line.units}
         self._read_at: dict[int, float] = {}
         self._indirect: set[int] = set()
+        self._plan()
         self._turn = self._slow_turn = 0
         self._asked: Request | None = None
         self.on = (
@@ -41,7 +42,7 @@ class States:
     def read_all(self) -> None:
         """Everything of every servo, one after the other; garbled answers show here."""
         for unit in self._line.units.values():
-            self._accept(unit, self._one(unit, self._block(unit)))
+            self._accept(unit, self._one(unit, self._blocks[unit.id]), self._line.port.asked_at)
             self._read_slow(unit)
 
     def keep(self, name: str, values: Mapping[int, int]) -> None:
@@ -58,24 +59,22 @@ class States:
 
     def ask(self, before: bytes) -> None:
         """Send `before` and the first group request behind it; `refresh` takes the answers."""
-        groups = self._groups()
-        if not groups:
+        if not self._groups:
             self._line.port.send(before)
             return
-        self._asked = self._line.state_request(*groups[0])
+        self._asked = self._line.state_request(*self._groups[0])
         self._line.port.start(self._asked, before)
 
     def refresh(self) -> None:
         """Read all that are read together, as many of the others as there is time for, and one servo's slow values."""
         units = list(self._line.units.values())
-        for block, ids in self._groups():
+        for block, ids in self._groups:
             self._read_group(block, ids)
-        singles = [u for u in units if not u.model.group_read]
         until = self._line.port.now() + READ_S
-        for _ in singles:
-            unit = singles[self._turn % len(singles)]
+        for _ in self._singles:
+            unit = self._singles[self._turn % len(self._singles)]
             self._turn += 1
-            self._accept(unit, self._one(unit, self._block(unit)))
+            self._accept(unit, self._one(unit, self._blocks[unit.id]), self._line.port.asked_at)
             if self._line.port.now() > until:
                 break
         self._read_slow(units[self._slow_turn % len(units)])
@@ -94,15 +93,19 @@ class States:
             self._line.write(f"indirect_address_{k + 1}", wanted)
             said = self._line.read(f"indirect_address_{k + 1}", list(wanted))
             self._indirect -= {i for i in wanted if said[i] != wanted[i]}
+        self._plan()
 
-    def _groups(self) -> list[tuple[Block, list[int]]]:
-        """Servos that are read together, and their block."""
+    def _plan(self) -> None:
+        """What to read: a block for each servo, and which are read together."""
+        units = self._line.units.values()
+        self._blocks = {u.id: self._block(u) for u in units}
+        self._singles = [u for u in units if not u.model.group_read]
         groups: dict[tuple[int, int], tuple[Block, list[int]]] = {}
-        for unit in self._line.units.values():
+        for unit in units:
             if unit.model.group_read:
-                block = self._block(unit)
+                block = self._blocks[unit.id]
                 groups.setdefault((block.address, block.size), (block, []))[1].append(unit.id)
-        return list(groups.values())
+        self._groups = list(groups.values())
 
     def _block(self, unit: Unit) -> Block:
         model = unit.model
@@ -122,9 +125,10 @@ class States:
         else:
             found = port.ask(codec, self._line.state_request(block, ids))
         self._line.note(len(found) == len(ids))
+        asked_at = port.asked_at
         rows = self._line.read_block(block, ids, group=True, found=found)
         for ident in ids:
-            self._accept(self._line.units[ident], rows[ident])
+            self._accept(self._line.units[ident], rows[ident], asked_at if ident in found else port.asked_at)
 
     def _one(self, unit: Unit, block: Block) -> dict[str, int]:
         return self._line.read_block(block, [unit.id], group=unit.model.group_read)[unit.id]
@@ -133,23 +137,23 @@ class States:
         for names in unit.model.slow:
             self._take(unit, self._one(unit, unit.model.block(names)))
 
-    def _accept(self, unit: Unit, row: dict[str, int]) -> None:
-        """Take `row`, once it says a position that the servo can have."""
+    def _accept(self, unit: Unit, row: dict[str, int], asked_at: float) -> None:
+        """Take `row`, which was asked for at `asked_at` s, once it says a position that the servo can have."""
         for _ in range(TRIES):
-            if self._plausible(unit, row["present_position"]):
+            if self._plausible(unit, row["present_position"], asked_at):
                 break
-            row = self._one(unit, self._block(unit))
+            row, asked_at = self._one(unit, self._blocks[unit.id]), self._line.port.asked_at
         else:
             self._check_kept(unit, row)
             raise BusError(f"{unit}: says that it is at {row['present_position']} ticks, where it cannot have got to")
-        self._read_at[unit.id] = self._line.port.now()
+        self._read_at[unit.id] = asked_at
         self._take(unit, row)
 
-    def _plausible(self, unit: Unit, position: int) -> bool:
+    def _plausible(self, unit: Unit, position: int, asked_at: float) -> bool:
         if not self.on or unit.id not in self._read_at:
             return True
         pace, slack = self._pace[unit.id]
-        dt = self._line.port.now() - self._read_at[unit.id]
+        dt = asked_at - self._read_at[unit.id]
         return abs(position - self._values[unit.id]["present_position"]) <= pace * dt + slack
 
     def _take(self, unit: Unit, row: Mapping[str, int]) -> None:
@@ -169,4 +173,4 @@ class States:
 def _pointed(model: Model) -> list[Register]:
     """What one block of indirect data holds."""
     names = ["torque_enable", *([model.error_register] if model.error_register else []), *model.state]
-    return [model.named(n) for n in names]
+    return [model.by_name[n] for n in names]
