@@ -44,7 +44,7 @@ class Settings:
 class Driven:
     """What `drive` did, and why it ended.
 
-    `rms_error` (n,) rad: commanded against measured one cycle later, in the order of `joints`, over the `followed`
+    `rms_error` (n,) rad: commanded against what the next cycle read, in the order of `joints`, over the `followed`
     cycles. `held_back`: cycles in which a limit kept the command from the stream. `late`: cycles that began more than
     a period late. `refused`: frames by reason.
     """

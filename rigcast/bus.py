@@ -20,16 +20,20 @@ if TYPE_CHECKING:
 Port = Annotated[str, arg(metavar="PORT")]
 
 
-def emulate(*, rig: str = "puppet") -> int:
+def emulate(*, rig: str = "puppet", tcp: int | None = None) -> int:
     """Emulate the servo bus of a rig until Ctrl-C; prints the port to give to `rigcast drive --port`.
 
     Args:
         rig: Name of a rig (see `rigcast rigs`) or path of its folder.
+        tcp: Listen on this TCP port of this machine, 0 for any, in place of a serial path.
     """
     from drivers.emulation.emulator import Emulator
+    from drivers.emulation.tcp import TcpEmulator
     from drivers.signals import caught_signals
 
-    with caught_signals() as caught, Emulator(load_rig(rig)) as emulator:
+    body = load_rig(rig)
+    emulated = Emulator(body) if tcp is None else TcpEmulator(body, address=("127.0.0.1", tcp))
+    with caught_signals() as caught, emulated as emulator:
         print(emulator.port, flush=True)
         while not caught:
             time.sleep(0.1)

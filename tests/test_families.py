@@ -10,6 +10,7 @@ from dynamixel_sdk import COMM_SUCCESS, GroupSyncWrite, PacketHandler, PortHandl
 from families import FAMILIES, rig_of
 
 from drivers.bus import BusError
+from drivers.calibration import load_calibration
 from drivers.emulation.bus import EmulatedBus
 from drivers.emulation.emulator import Emulator
 from drivers.emulation.in_process import InProcess
@@ -20,7 +21,8 @@ from drivers.servos.packet_bus import PacketBus
 from drivers.servos.pwm import Maestro, Ssc32, crc7
 from drivers.servos.pwm_bus import PwmBus
 from drivers.servos.summed import SummedParser
-from retarget.rig import Bus
+from retarget.rig import BOARDS, BUILT_IN, Bus, load_rig
+from retarget.table import RigError
 
 # --- golden bytes
 
@@ -106,7 +108,7 @@ def test_registers_are_those_of_the_feetech_sdk():
 
 
 def test_the_sdk_of_protocol_1_drives_the_emulator(monkeypatch):
-    monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", 300)
+    monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", 2000)
     rig = rig_of("dynamixel1")
     models = {"c": "MX-28"}
     sdk, ok = PacketHandler(1.0), COMM_SUCCESS
@@ -142,7 +144,7 @@ def test_the_sdk_of_protocol_1_drives_the_emulator(monkeypatch):
 @pytest.mark.parametrize("kind", ["feetech", "feetech scs"])
 def test_the_feetech_sdk_drives_the_emulator(kind, monkeypatch):
     sdk = pytest.importorskip("scservo_sdk", reason="ftservo-python-sdk comes with the dev extra")
-    monkeypatch.setattr("scservo_sdk.port_handler.LATENCY_TIMER", 300)
+    monkeypatch.setattr("scservo_sdk.port_handler.LATENCY_TIMER", 2000)
     with Emulator(rig_of(kind), [0.0] * 3) as emulator:
         port = sdk.PortHandler(emulator.port)
         assert port.setBaudRate(1_000_000)
@@ -276,3 +278,31 @@ def test_servos_that_answer_one_by_one_are_read_in_turn():
         positions = [t for t in wire.traffic if t[4] == 28]
         assert [t[2] for t in positions] == [3, 7, 1]  # One each time: there is no time for more.
         assert time.monotonic() - began < 5  # It is the emulated clock that waits.
+
+
+def test_a_rig_whose_servos_do_not_speak_its_bus_is_one_clear_line(tmp_path):
+    text = (BUILT_IN / "puppet" / "rig.toml").read_text()
+    (tmp_path / "rig.toml").write_text(text.replace('protocol = "dynamixel2"', 'protocol = "feetech"'))
+    with pytest.raises(RigError, match="model XL430-W250 speaks dynamixel2, bus 'main' feetech"):
+        load_rig(tmp_path)
+
+
+def test_a_hobby_servo_goes_on_either_board(tmp_path):
+    text = (
+        (BUILT_IN / "puppet" / "rig.toml")
+        .read_text()
+        .replace("XM430-W350", "HS-645MG")
+        .replace("XL430-W250", "HS-645MG")
+    )
+    for board in BOARDS:
+        (tmp_path / "rig.toml").write_text(text.replace('protocol = "dynamixel2"', f'protocol = "{board}"'))
+        assert load_rig(tmp_path).servos[0].model.ticks == (553, 2450)
+
+
+def test_a_joint_that_does_not_fit_about_the_middle_is_laid_in_it():
+    rig = load_rig("puppet")
+    calibration = load_calibration(rig, BUILT_IN / "none.toml")
+    calibration.check_reach(rig)
+    zero = dict(zip((s.joint for s in rig.servos), calibration.zero.tolist(), strict=True))
+    assert zero["left_elbow"] == 2048
+    assert zero["left_shoulder_pitch"] == 2048 - round((3.4 - 1.6) / 2 * 4096 / (2 * math.pi))

@@ -148,6 +148,8 @@ class EmulatedServo:
         """Take a value that is allowed."""
         if name == "goal_position":
             value = self._goal(value)
+        if name == "torque_enable" and self._failed:
+            value = 0
         self.put(name, value)
         if name == "bus_watchdog":
             self._fed = self.now

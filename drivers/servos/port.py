@@ -57,13 +57,16 @@ class Wire(Protocol):
 
 @dataclass(frozen=True)
 class SerialWire:
-    """The serial port `path`; where the system allows its adapter passes each byte on at once."""
+    """The serial port `path`, or the pyserial URL (`socket://host:port`) of one elsewhere.
+
+    Where the system allows, the port's adapter passes each byte on at once.
+    """
 
     path: str
 
     def open(self, baud: int, timeout: float) -> Serial:
         """Open it for this program alone."""
-        port = serial.Serial(self.path, baud, timeout=timeout, exclusive=True)
+        port = serial.serial_for_url(self.path, baud, timeout=timeout, exclusive=True)
         with contextlib.suppress(*PORT_ERRORS, ValueError, AttributeError, NotImplementedError):
             port.set_low_latency_mode(True)  # Linux, and not on a pty
         return port
