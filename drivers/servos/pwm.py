@@ -49,7 +49,7 @@ class Maestro:
     """
 
     name = "maestro"
-    bauds = (9600, 19200, 38400, 57600, 115200)  # on USB any will do
+    bauds: tuple[int, ...] = (9600, 19200, 38400, 57600, 115200)  # on USB any will do
     channels = 24
     tells_off = True
     ERRORS = (
@@ -109,7 +109,7 @@ class Ssc32:
     """
 
     name = "ssc32"
-    bauds = (9600, 38400, 115200)
+    bauds: tuple[int, ...] = (9600, 38400, 115200)
     channels = 32
     tells_off = False
 
