@@ -223,6 +223,7 @@ def servo_models() -> dict[str, ServoModel]:
 
 
 def _servo_model(name: str, t: Table) -> ServoModel:
+    lowest, highest = t.span("ticks")
     return ServoModel(
         name=name,
         protocol=t.choice("protocol", (*PROTOCOLS, PWM)),
@@ -232,13 +233,9 @@ def _servo_model(name: str, t: Table) -> ServoModel:
         stall_current=t.number("stall_current", positive=True),
         voltage=t.number("voltage", positive=True),
         ticks_per_turn=t.number("ticks_per_turn", positive=True),
-        ticks=_ticks(*t.span("ticks")),
+        ticks=(round(lowest), round(highest)),
         datasheet=t.text("datasheet"),
     )
-
-
-def _ticks(lowest: float, highest: float) -> tuple[int, int]:
-    return round(lowest), round(highest)
 
 
 def _rig(folder: Path, t: Table) -> Rig:
@@ -300,7 +297,7 @@ def _servo(buses: dict[str, str], t: Table) -> tuple[Joint, Servo]:
     if buses[bus] not in (BOARDS if model.protocol == PWM else (model.protocol,)):
         raise RigError(f"{t.where}: model {model.name} speaks {model.protocol}, bus {bus!r} {buses[bus]}")
     joint = _joint(t.text("joint"), t, model.stall_torque, model.no_load_speed)
-    return joint, Servo(joint.name, bus, t.integer("id", 0, 253), model)
+    return joint, Servo(joint.name, bus, t.integer("id", 0, 252), model)
 
 
 def _foot(t: Table) -> Foot:

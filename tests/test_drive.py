@@ -23,6 +23,7 @@ from drivers.frame import UNCHECKED, Frame, State
 from drivers.publisher import Publisher, frames_of, hello_for, publish
 from drivers.receiver import Receiver
 from drivers.servos.packet_bus import PacketBus
+from drivers.servos.port import Port
 from drivers.signals import caught_signals
 from drivers.simulated import SimulatedBus
 from drivers.watchdog import Patience
@@ -31,7 +32,13 @@ RIG = small_rig()
 CENTRE = Calibration(np.ones(3, np.int64), np.full(3, 2048), np.full(3, 4096))
 TICK = 2 * np.pi / 4096
 SHORT = Patience(hold_s=0.3, safe_s=0.6)
-QUICK = Settings(settle_s=0.1, ease_velocity=2.0)
+QUICK = Settings(settle_s=0.2, ease_velocity=2.0)
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    """Ports that wait long enough for an emulator's thread on a busy machine."""
+    monkeypatch.setitem(Port.__init__.__kwdefaults__, "patience_s", 0.1)
 
 
 def block(count, **changes) -> Frame:
@@ -251,6 +258,7 @@ sys.path.insert(0, "tests")
 from small_rig import small_rig
 from drivers.drive import drive
 from drivers.servos.packet_bus import PacketBus
+from drivers.servos.port import Port
 from drivers.receiver import Receiver
 rig = small_rig()
 with Receiver(sys.argv[1], rig_hash=rig.hash) as receiver:

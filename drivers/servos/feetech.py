@@ -58,7 +58,7 @@ SCS = tuple(
         Register("min_angle_limit", 9, 2, 0, 0, 1023),
         Register("max_angle_limit", 11, 2, 1023, 0, 1023),
         Register("goal_position", 42, 2, 0, 0, 1023),
-        Register("goal_speed", 46, 2, 0, 0, 1000),
+        Register("goal_speed", 46, 2, 0, 0, 32766),
         Register("lock", 48, 1, 1, 0, 1),
         Register("present_position", 56, 2),
         Register("hardware_error_status", 65, 1),

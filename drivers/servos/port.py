@@ -121,9 +121,9 @@ class Port:
         self.silence, self._last_sent = max(self.silence, now - self._last_sent), now
         return self.silence
 
-    def ask(self, codec: Codec, request: Request, before: bytes = b"") -> dict[int, Reply]:
+    def ask(self, codec: Codec, request: Request) -> dict[int, Reply]:
         """Send `request` and collect what answers it, by id; servos that are silent or garbled are missing."""
-        self.start(request, before)
+        self.start(request)
         return self.collect(codec)
 
     def start(self, request: Request, before: bytes = b"") -> None:
