@@ -32,7 +32,6 @@ class EmulatedServo:
         self.family, self.model = family, family.models[made.name]
         self.radians = 2 * math.pi / made.ticks_per_turn
         self._by_address = sorted(self.model.registers, key=lambda r: r.address)
-        self._named = {r.name: r for r in self.model.registers}
         self._at = {r.address + k: (r, k) for r in self.model.registers for k in range(r.size)}
         last = self._by_address[-1]
         slots = sum(r.name.startswith("indirect_address_") for r in self.model.registers)
@@ -58,7 +57,7 @@ class EmulatedServo:
 
     def put(self, name: str, value: int) -> None:
         """Set a register from inside the servo, past all rules; tests heat and starve a servo with it."""
-        self._named[name].encode(value)
+        self.model.by_name[name].encode(value)
         self._values[name] = value
 
     @property
@@ -80,7 +79,7 @@ class EmulatedServo:
             raise ValueError(f"no error {cause!r}; there are {', '.join(self.model.errors.values())}")
         self._failed = True
         self.error |= bits
-        if "hardware_error_status" in self._named:
+        if "hardware_error_status" in self.model.by_name:
             self.put("hardware_error_status", self.get("hardware_error_status") | bits)
         if bits & self._values.get("shutdown", bits) or not bits:
             self.put("torque_enable", 0)
@@ -110,7 +109,7 @@ class EmulatedServo:
         if self.model.current is not None:
             name, unit = self.model.current
             self.put(name, round(self.motor.effort * self._stall / unit))
-        if "present_velocity" in self._named and self.model.speed is not None:
+        if "present_velocity" in self.model.by_name and self.model.speed is not None:
             self.put("present_velocity", round(self.motor.speed / self.model.speed[1]))
             self.put("moving", int(abs(self.get("present_velocity")) > self.get("moving_threshold")))
 
