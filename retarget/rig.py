@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from motiongen.motion import SMPL_JOINTS
 from retarget.menagerie import menagerie_file
+from retarget.servos import BOARDS, PROTOCOLS, PWM, ServoModel, servo_models
 from retarget.table import RigError, Table, known, read_toml, unique
 
 Mount = Literal["free", "stand", "hung"]
 MOUNTS: tuple[Mount, ...] = ("free", "stand", "hung")
 BUILT_IN = Path(__file__).parent / "rigs"
 RIG_PATH = "RIGCAST_RIGS"  # environment variable: more folders of rigs
-PROTOCOLS = ("dynamixel1", "dynamixel2", "feetech", "lx16a", "maestro", "ssc32")
-PWM, BOARDS = "pwm", ("maestro", "ssc32")  # What a servo without a bus speaks, and the boards that speak it.
 
 # At 70 % of its no-load speed a motor has 30 % of its stall torque left for the load: motions are planned below that.
 PLANNED_SPEED = 0.7
@@ -29,22 +27,6 @@ PLANNED_SPEED = 0.7
 FULL_TORQUE_ERROR = 0.1
 # Damping acts as one control period of lag at 50 Hz: kv = kp · 20 ms.
 DAMPING_TIME = 0.02
-
-
-@dataclass(frozen=True)
-class ServoModel:
-    """A servo as its maker publishes it: N·m, rad/s and A at `voltage`; `ticks`: its lowest and highest position."""
-
-    name: str
-    protocol: str
-    model_number: int
-    stall_torque: float
-    no_load_speed: float
-    stall_current: float
-    voltage: float
-    ticks_per_turn: float
-    ticks: tuple[int, int]
-    datasheet: str
 
 
 @dataclass(frozen=True)
@@ -213,29 +195,6 @@ def _find(name_or_path: str | Path) -> Path:
     if not file.is_file() or file.name != "rig.toml":
         raise RigError(f"no rig {str(name_or_path)!r}; known are {', '.join(list_rigs())}, or the path of a rig folder")
     return file.resolve()
-
-
-@cache
-def servo_models() -> dict[str, ServoModel]:
-    """Every servo in `servos.toml` by name; speeds converted to rad/s."""
-    table = read_toml(Path(__file__).parent / "servos.toml")
-    return {name: table.table(name, partial(_servo_model, name)) for name in table.data}
-
-
-def _servo_model(name: str, t: Table) -> ServoModel:
-    lowest, highest = t.span("ticks")
-    return ServoModel(
-        name=name,
-        protocol=t.choice("protocol", (*PROTOCOLS, PWM)),
-        model_number=t.integer("model_number", 0, 65535),
-        stall_torque=t.number("stall_torque", positive=True),
-        no_load_speed=t.number("no_load_rpm", positive=True) * 2 * math.pi / 60,
-        stall_current=t.number("stall_current", positive=True),
-        voltage=t.number("voltage", positive=True),
-        ticks_per_turn=t.number("ticks_per_turn", positive=True),
-        ticks=(round(lowest), round(highest)),
-        datasheet=t.text("datasheet"),
-    )
 
 
 def _rig(folder: Path, t: Table) -> Rig:

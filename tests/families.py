@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from small_rig import small_rig
 
-from retarget.rig import Bus, Rig, servo_models
+from retarget.rig import Bus, Rig
+from retarget.servos import servo_models
 
 MADE = {
     "dynamixel2": ("dynamixel2", "XM430-W350", 1_000_000),

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from retarget.rig import Bus, Joint, Pose, Power, Rig, Sensors, Servo, ServoModel
+from retarget.rig import Bus, Joint, Pose, Power, Rig, Sensors, Servo
+from retarget.servos import ServoModel
 from retarget.trajectory import Trajectory
 
 XM430 = ServoModel("XM430-W350", "dynamixel2", 1020, 4.1, 46 * 2 * math.pi / 60, 2.3, 12.0, 4096, (0, 4095), "e-Manual")

@@ -21,7 +21,8 @@ from drivers.servos.packet_bus import PacketBus
 from drivers.servos.pwm import Maestro, Ssc32, crc7
 from drivers.servos.pwm_bus import PwmBus
 from drivers.servos.summed import SummedParser
-from retarget.rig import BOARDS, BUILT_IN, Bus, load_rig
+from retarget.rig import BUILT_IN, Bus, load_rig
+from retarget.servos import BOARDS
 from retarget.table import RigError
 
 # --- golden bytes

@@ -11,7 +11,8 @@ import mujoco
 import pytest
 
 from retarget.model import load_model, load_spec
-from retarget.rig import BUILT_IN, RIG_PATH, RigError, list_rigs, load_rig, servo_models
+from retarget.rig import BUILT_IN, RIG_PATH, RigError, list_rigs, load_rig
+from retarget.servos import servo_models
 
 RIGS = ("humanoid", "puppet")
 THEIRS = ("apptronik_apollo", "berkeley_humanoid", "booster_t1", "robotis_op3", "unitree_g1", "unitree_h1")

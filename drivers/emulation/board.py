@@ -12,7 +12,8 @@ from drivers.emulation.listeners import Event
 from drivers.motor import Motor
 from drivers.servos.pwm import Maestro, crc7
 from drivers.servos.pwm_bus import BOARDS
-from retarget.rig import FULL_TORQUE_ERROR, Rig, ServoModel
+from retarget.rig import FULL_TORQUE_ERROR, Rig
+from retarget.servos import ServoModel
 
 BITS_PER_BYTE = 10
 EVENTS_KEPT = 200_000

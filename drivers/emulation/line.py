@@ -16,7 +16,8 @@ from drivers.emulation.bus import EmulatedBus
 from drivers.emulation.listeners import Event
 from drivers.emulation.noise import Noise, hurt
 from drivers.emulation.servo import EmulatedServo
-from retarget.rig import BOARDS, Rig
+from retarget.rig import Rig
+from retarget.servos import BOARDS
 
 TRAFFIC_KEPT = 100_000
 

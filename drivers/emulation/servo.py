@@ -11,7 +11,7 @@ from drivers.motor import Motor
 from drivers.servos.dynamixel2 import Fault
 from drivers.servos.family import Family, Register
 from drivers.servos.x_series import TICK_S, WATCHDOG_TRIPPED
-from retarget.rig import ServoModel
+from retarget.servos import ServoModel
 
 GOALS = ("goal_pwm", "goal_current", "goal_velocity", "goal_position")
 LIMITS = {

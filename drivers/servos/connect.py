@@ -7,7 +7,8 @@ from drivers.calibration import Calibration
 from drivers.servos.packet_bus import PacketBus
 from drivers.servos.port import Wire
 from drivers.servos.pwm_bus import PwmBus
-from retarget.rig import BOARDS, Rig
+from retarget.rig import Rig
+from retarget.servos import BOARDS
 
 
 def connect(rig: Rig, port: str | Wire, *, calibration: Calibration | None = None) -> ServoBus:

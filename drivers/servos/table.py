@@ -11,7 +11,6 @@ from drivers.servos.x_series import X_SERIES
 from retarget.rig import Rig
 
 FAMILIES = {f.name: f for f in (X_SERIES, AX_MX, FEETECH, LX16A)}
-BOARDS = ("maestro", "ssc32")  # PWM boards: no servo answers
 
 
 def family_of(rig: Rig) -> Family:
