@@ -16,6 +16,7 @@ from drivers.emulation.emulator import Emulator
 from drivers.emulation.in_process import InProcess
 from drivers.servos import dynamixel1, lx16a
 from drivers.servos.connect import connect
+from drivers.servos.family import Register
 from drivers.servos.feetech import SCS, STS
 from drivers.servos.packet_bus import PacketBus
 from drivers.servos.pwm import Maestro, Ssc32, crc7
@@ -221,6 +222,30 @@ def test_the_driver_measures_and_moves(kind, echo):
             assert reading.temperature.tolist() == [30, 30, 30]
         assert len(reading.current) == (3 if kind not in ("lx16a", "maestro", "ssc32") else 0)
     assert not any(wire.torque().values())
+
+
+@pytest.mark.parametrize("kind", ["dynamixel2", "dynamixel1", "feetech", "feetech scs"])
+@pytest.mark.parametrize("way", [-1, 1])
+def test_a_stalled_servo_shows_its_current_and_which_way_it_pushes(kind, way):
+    rig = rig_of(kind)
+    wire = InProcess(rig, [0.0] * 3)
+    with connect(rig, wire) as bus:
+        bus.torque(True)
+        wire.jam("a")
+        for _ in range(2):
+            wire.wait(0.02)
+            bus.write(np.array([way * 1.0, 0.0, 0.0]))
+            wire.wait(0.02)
+            reading = bus.read()
+    stall = rig.servos[0].model.stall_current
+    np.testing.assert_allclose(reading.current, [way * stall, 0.0, 0.0], atol=0.007)
+
+
+@pytest.mark.parametrize(("bit", "value", "raw"), [(15, -5, "05 80"), (10, -1000, "E8 07"), (11, 2047, "FF 07")])
+def test_sign_and_magnitude(bit, value, raw):
+    register = Register("any", 0, 2, sign_bit=bit)
+    assert register.encode(value) == bytes.fromhex(raw)
+    assert register.decode(bytes.fromhex(raw)) == value
 
 
 def test_models_of_one_family_may_share_a_bus():
