@@ -11,7 +11,9 @@ from drivers.emulation.in_process import InProcess
 from drivers.emulation.tcp import TcpEmulator
 from drivers.servos.connect import connect
 from drivers.servos.port import Port
-from drivers.servos.setup import Found, relax, scan, set_id
+from drivers.servos.sdk import SdkAsker
+from drivers.servos.setup import CodecAsker, Found, asker, relax, scan, set_id
+from drivers.servos.table import FAMILIES as DRIVERS
 from retarget.rig import load_rig
 from rigcast.__main__ import main
 
@@ -23,6 +25,7 @@ def patient(monkeypatch):
     """Ports that wait long enough for an emulator's thread on a busy machine."""
     monkeypatch.setitem(Port.__init__.__kwdefaults__, "patience_s", 1.0)
     monkeypatch.setattr("drivers.servos.setup.SCAN_PATIENCE_S", 0.5)
+    monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", 100)
 
 
 @pytest.mark.parametrize("kind", PACKETS)
@@ -55,6 +58,55 @@ def test_a_new_id(kind):
         set_id(wire, protocol, baud, 1, 300)
     with pytest.raises(BusError, match="'maestro' has no ids"):
         set_id(wire, "maestro", baud, 1, 2)
+
+
+@pytest.mark.parametrize("kind", ["dynamixel2", "dynamixel1"])
+def test_the_makers_sdk_scans_and_gives_ids_on_a_serial_path(kind, patient, monkeypatch):
+    rig = rig_of(kind)
+    bus, model = rig.buses[0], rig.servos[0].model.name
+    monkeypatch.setattr("drivers.servos.setup.CodecAsker", None)
+    with Emulator(rig) as emulator:
+
+        def there():
+            return [(f.id, f.model) for f in scan(emulator.port, protocols=(kind,), bauds=(bus.baud,), highest_id=7)]
+
+        assert there() == [(1, model), (3, model), (7, model)]
+        emulator.servo("a").put("torque_enable", 1)
+        assert set_id(emulator.port, kind, bus.baud, 3, 5) == Found(kind, bus.baud, 5, model)
+        assert emulator.get("b", "id") == 7
+        assert [e.value for e in emulator.events("torque_enable")] == [0]
+        assert there() == [(1, model), (5, model), (7, model)]
+        with pytest.raises(BusError, match="id 7 is taken"):
+            set_id(emulator.port, kind, bus.baud, 1, 7)
+        with pytest.raises(BusError, match=f"no {kind} servo 3 answers"):
+            set_id(emulator.port, kind, bus.baud, 3, 4)
+        with SdkAsker(emulator.port, DRIVERS[kind], bus.baud), pytest.raises(BusError, match="another program has it"):
+            there()
+        emulator.unplug()
+        with pytest.raises(BusError, match="cannot open serial port"):
+            there()
+
+
+def test_a_port_that_is_lost_under_the_sdk(patient):
+    with Emulator(rig_of("dynamixel2")) as emulator, SdkAsker(emulator.port, DRIVERS["dynamixel2"], 1_000_000) as asked:
+        assert asked.model(3) == "XM430-W350"
+        emulator.unplug()
+        with pytest.raises(BusError, match="is lost"):
+            asked.model(3)
+
+
+@pytest.mark.parametrize(
+    ("wire", "protocol", "baud", "sdk"),
+    [
+        ("/dev/ttyUSB0", "dynamixel2", 57_600, True),
+        ("COM3", "dynamixel1", 1_000_000, True),
+        ("/dev/ttyUSB0", "dynamixel1", 400_000, False),  # a rate that the SDK does not open
+        ("/dev/ttyUSB0", "feetech", 1_000_000, False),
+        ("socket://127.0.0.1:9", "dynamixel2", 1_000_000, False),
+    ],
+)
+def test_who_asks(wire, protocol, baud, sdk):
+    assert isinstance(asker(wire, DRIVERS[protocol], baud), SdkAsker if sdk else CodecAsker)
 
 
 @pytest.mark.parametrize("kind", FAMILIES)

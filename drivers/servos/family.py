@@ -198,3 +198,7 @@ class Family:
     bauds: Mapping[int, int]
     alerts: int
     watchdog_s: tuple[float, int] | None = None
+
+    def model_name(self, number: int) -> str:
+        """The model whose register says `number`."""
+        return next((name for name, m in self.models.items() if m.number == number), f"unknown ({number})")

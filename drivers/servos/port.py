@@ -23,6 +23,7 @@ try:
 except ImportError:  # Windows
     PORT_ERRORS = (OSError,)
 
+OPEN_ERRORS: tuple[type[Exception], ...] = (*PORT_ERRORS, ValueError)  # a rate that the port does not know
 SLICE_S = 0.005  # one blocking read; the kernel waits, not the processor
 LATENCY_S = 0.034  # a USB adapter's buffer keeps bytes back for 16 ms, each way
 BITS_PER_BYTE = 10  # start, eight, stop
@@ -97,10 +98,8 @@ class Port:
     def __enter__(self) -> Port:
         try:
             self._serial = self._wire.open(self.baud, SLICE_S)
-        except ValueError:
-            raise BusError(f"{self.path}: {self.baud} baud is no rate of this port") from None
-        except PORT_ERRORS as error:
-            raise BusError(f"cannot open serial port {self.path!r}: {why_not_opened(self.path, error)}") from None
+        except OPEN_ERRORS as error:
+            raise not_opened(self.path, self.baud, error) from None
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -177,7 +176,7 @@ class Port:
         try:
             yield self._serial
         except PORT_ERRORS as error:
-            raise BusError(f"serial port {self.path!r} is lost: {_text(error)}") from None
+            raise lost(self.path, error) from None
 
 
 class _Echo:
@@ -207,6 +206,18 @@ class _Echo:
         """How many bytes more are to come than was thought, once."""
         more, self._stripped = self._stripped, 0
         return more
+
+
+def not_opened(path: str, baud: int, error: BaseException) -> BusError:
+    """What to raise where the port at `path` cannot be opened at `baud`."""
+    if isinstance(error, ValueError):
+        return BusError(f"{path}: {baud} baud is no rate of this port")
+    return BusError(f"cannot open serial port {path!r}: {why_not_opened(path, error)}")
+
+
+def lost(path: str, error: BaseException) -> BusError:
+    """What to raise where the open port at `path` fails."""
+    return BusError(f"serial port {path!r} is lost: {_text(error)}")
 
 
 def why_not_opened(path: str, error: BaseException) -> str:
