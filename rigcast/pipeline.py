@@ -37,7 +37,7 @@ def read(path: Path, rig: str | None = None, style: Style = "ours", fps: float |
     """What is in a file of human motion or of a rig's trajectory, by its suffix and, where that says little, content.
 
     `rig`, `style` and `fps` are for `.csv`, which says little of its own. Raises FileError, BvhError (both
-    ValueError) or StreamError where it cannot be understood, RigError for an unknown rig, OSError where it cannot be
+    ValueError) where it cannot be understood, RigError for an unknown rig, OSError where it cannot be
     opened.
     """
     if path.suffix not in READABLE:
@@ -59,11 +59,15 @@ def read(path: Path, rig: str | None = None, style: Style = "ours", fps: float |
 
 
 def _recorded(path: Path, rig: str | None) -> Trajectory:
+    from drivers.endpoint import StreamError
     from drivers.recorded import hello_in, trajectory_in
     from drivers.recording import Recording
 
-    recording = Recording(path)
-    return trajectory_in(recording, load_rig(rig or hello_in(recording).rig))
+    try:
+        recording = Recording(path)
+        return trajectory_in(recording, load_rig(rig or hello_in(recording).rig))
+    except StreamError as error:
+        raise FileError(str(error)) from None
 
 
 def take(what: Motion | Trajectory, rig: Rig, mount: Mount | None, times: Times) -> Take:

@@ -102,7 +102,7 @@ def test_the_summary_is_the_mean_over_motions() -> None:
 
 
 def test_the_gate_is_that_of_say() -> None:
-    found = pass_rate([standing(1), flail(1, rate=6.0)], "puppet", mount="stand")
+    found = pass_rate([standing(1), flail(1, rate=10.0)], "puppet", mount="stand")
     assert (found.motions, found.passed, found.rate, found.unreadable) == (2, 1, 0.5, ())
     assert found.failures
     with pytest.raises(ValueError, match="no motions"):
