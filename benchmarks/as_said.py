@@ -16,7 +16,7 @@ from motiongen.motion import Motion
 from motiongen.text.claims import holds
 
 CATEGORIES = ("left and right", "counts", "degrees", "speed", "two at once", "sequences")
-EACH, QUICK_EACH = 60, 4
+EACH, QUICK_EACH = 40, 4
 BATCH = 12
 GAINING = ("counts", "sequences")  # in which it must help
 
