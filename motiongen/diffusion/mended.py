@@ -35,9 +35,10 @@ def mended(x: Floats, text: str, to_motion: ToMotion, mirror: Mirror, *, as_long
     (claim,) = asked.claims
     seen = observe(drawn)
     if claim.side in SIDES and not holds(_side_of(claim), seen):
-        other = to_motion(mirror(x))
-        if holds(_side_of(claim), observe(other)):
-            x, drawn, seen = mirror(x), other, observe(other)
+        other = mirror(x)
+        motion = to_motion(other)
+        if holds(_side_of(claim), there := observe(motion)):
+            x, drawn, seen = other, motion, there
     cycles = repeated(x, claim, seen)
     if cycles is not x:
         drawn = to_motion(cycles)
