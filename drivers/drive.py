@@ -20,6 +20,7 @@ from drivers.frame import Frame
 from drivers.messages import Mode, RigState
 from drivers.receiver import Receiver
 from drivers.signals import caught_signals
+from drivers.trips import Ceilings, Trips
 from retarget.rig import Rig
 
 NS = 1_000_000_000
@@ -29,14 +30,15 @@ NS = 1_000_000_000
 class Settings:
     """Of the loop: `rate_hz` cycles a second; `ease_velocity` rad/s at most while joining a stream or going safe.
 
-    A joint more than `following_error` rad from its command for `following_s` s trips. `settle_s` s are waited at the
-    safe pose before the torque goes off.
+    A joint more than `following_error` rad from its command for `following_s` s trips, so does one above the rig's
+    limit of current or temperature for `load_s` s. `settle_s` s are waited at the safe pose before the torque goes off.
     """
 
     rate_hz: float = 50.0
     ease_velocity: float = 1.0
     following_error: float = 0.5
     following_s: float = 0.5
+    load_s: float = 0.5
     settle_s: float = 0.5
 
 
@@ -106,6 +108,7 @@ class _Loop:
         self._limits = Limits(*(np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper", "velocity")))
         self._ease = np.minimum(self._limits.velocity, settings.ease_velocity)
         self._safe = np.array(rig.pose_vector(rig.safe))[self._columns]
+        self._trips = _trips(rig, bus.joints, settings)
         self._rig, self._receiver, self._bus, self._settings = rig, receiver, bus, settings
         self._clock, self._watch = clock, watch
         self._period_ns = int(NS / settings.rate_hz)
@@ -114,7 +117,7 @@ class _Loop:
         self._command: Array | None = None  # None while the torque is off
         self._joined = False
         self._reading: Reading | None = None
-        self._behind_ns = self._safe_ns = 0
+        self._safe_ns = 0
         self._mode: Mode = "waiting"
         self._reason = ""
         self._squares = np.zeros(len(joints))
@@ -132,7 +135,7 @@ class _Loop:
         self._frame = self._receiver.poll(now) or self._frame
         self._mode, self._reason = self._receiver.watchdog.mode, self._receiver.watchdog.reason
         self._reading = self._bus.read()
-        more = self._act(self._reading.position, now)
+        more = self._act(self._reading, now)
         self._tell(now)
         return more
 
@@ -159,7 +162,8 @@ class _Loop:
             dict(gate.refused),
         )
 
-    def _act(self, measured: Array, now: int) -> bool:
+    def _act(self, reading: Reading, now: int) -> bool:
+        measured = reading.position
         if self._mode == "waiting":
             return True
         if self._command is None:
@@ -167,8 +171,11 @@ class _Loop:
                 return self._mode == "hold"  # Nothing has moved: there is nothing to make safe.
             self._bus.torque(True)
             self._command = measured
-            self._behind_ns = now
-        if self._mode == "stopped" or self._lags(self._command - measured, now):
+            self._trips.start(now)
+        if self._mode == "stopped":
+            return False
+        if reason := self._trips.reason(self._command - measured, reading, now):
+            self._mode, self._reason = "tripped", reason
             return False
         self._move(self._command, measured, now)
         return not self._settled(now)
@@ -188,16 +195,6 @@ class _Loop:
             self._followed += 1
             self._held_back += held
             self._squares += (command - measured) ** 2
-
-    def _lags(self, error: Array, now: int) -> bool:
-        worst = int(np.argmax(np.abs(error)))
-        if abs(error[worst]) <= self._settings.following_error:
-            self._behind_ns = now
-        if now - self._behind_ns <= self._settings.following_s * NS:
-            return False
-        self._mode = "tripped"
-        self._reason = f"{self._bus.joints[worst]} is {error[worst]:+.2f} rad off its command: jammed or overloaded"
-        return True
 
     def _settled(self, now: int) -> bool:
         if self._mode != "safe" or self._command is None or np.abs(self._command - self._safe).max() > 1e-6:
@@ -220,3 +217,13 @@ class _Loop:
         self._receiver.send_state(state)
         if self._watch is not None:
             self._watch(state)
+
+
+def _trips(rig: Rig, joints: tuple[str, ...], settings: Settings) -> Trips:
+    servos = {s.joint: s for s in rig.servos}
+    ceilings = Ceilings(
+        error=np.full(len(joints), settings.following_error),
+        current=np.array([servos[j].max_current for j in joints]),
+        temperature=np.array([servos[j].max_temperature for j in joints]),
+    )
+    return Trips(joints, ceilings, following_s=settings.following_s, load_s=settings.load_s)

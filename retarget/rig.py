@@ -27,6 +27,10 @@ PLANNED_SPEED = 0.7
 FULL_TORQUE_ERROR = 0.1
 # Damping acts as one control period of lag at 50 Hz: kv = kp · 20 ms.
 DAMPING_TIME = 0.02
+# A servo that draws four fifths of its stall current for longer than a moment is stuck, or soon too hot.
+SAFE_CURRENT = 0.8
+# Below where the servos cut themselves off: AX and STS 70 °C, Dynamixel X 80 °C as they come from the factory.
+SAFE_TEMPERATURE = 65.0
 
 
 @dataclass(frozen=True)
@@ -48,12 +52,27 @@ class Joint:
 
 @dataclass(frozen=True)
 class Servo:
-    """Which servo on which bus turns a joint. Direction and zero belong to one unit, not to the rig."""
+    """Which servo on which bus turns a joint. Direction and zero belong to one unit, not to the rig.
+
+    `current_limit` A and `temperature_limit` °C: beyond them a drive lets go; None: what the model's may be.
+    """
 
     joint: str
     bus: str
     id: int
     model: ServoModel
+    current_limit: float | None = None
+    temperature_limit: float | None = None
+
+    @property
+    def max_current(self) -> float:
+        """What it may draw for longer than a moment, A."""
+        return SAFE_CURRENT * self.model.stall_current if self.current_limit is None else self.current_limit
+
+    @property
+    def max_temperature(self) -> float:
+        """How hot it may get, °C."""
+        return SAFE_TEMPERATURE if self.temperature_limit is None else self.temperature_limit
 
 
 @dataclass(frozen=True)
@@ -256,7 +275,8 @@ def _servo(buses: dict[str, str], t: Table) -> tuple[Joint, Servo]:
     if buses[bus] not in (BOARDS if model.protocol == PWM else (model.protocol,)):
         raise RigError(f"{t.where}: model {model.name} speaks {model.protocol}, bus {bus!r} {buses[bus]}")
     joint = _joint(t.text("joint"), t, model.stall_torque, model.no_load_speed)
-    return joint, Servo(joint.name, bus, t.integer("id", 0, 252), model)
+    limits = [t.number(k, positive=True) if k in t.data else None for k in ("current_limit", "temperature_limit")]
+    return joint, Servo(joint.name, bus, t.integer("id", 0, 252), model, *limits)
 
 
 def _foot(t: Table) -> Foot:

@@ -69,7 +69,7 @@ def bus_on(port: str, rig: Rig) -> ServoBus:
         return SimulatedBus(rig)
     from drivers.servos.connect import connect
 
-    return connect(rig, port)
+    return connect(rig, port, guarded=True)
 
 
 def _teller(receiver: Receiver) -> Callable[[RigState], None]:

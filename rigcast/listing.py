@@ -24,8 +24,19 @@ def _rig_row(rig: Rig) -> dict[str, object]:
         "joints": len(rig.joints),
         "servos": len(rig.servos),
         "mount": rig.mount,
+        "where the computer dies": failsafe(rig),
         "folder": str(rig.folder),
     }
+
+
+def failsafe(rig: Rig) -> str:
+    """What the servos of `rig` do by themselves when nobody talks to them any more."""
+    from drivers.servos.table import FAMILIES
+
+    if not rig.servos:
+        return "no servos"
+    watched = all(b.protocol in FAMILIES and FAMILIES[b.protocol].watchdog_s for b in rig.buses)
+    return "servos stop, keep torque" if watched else "no hardware failsafe: fit a power switch"
 
 
 def generators(*, json: bool = False) -> int:

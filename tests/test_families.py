@@ -235,3 +235,24 @@ def test_a_joint_that_does_not_fit_about_the_middle_is_laid_in_it():
     zero = dict(zip((s.joint for s in rig.servos), calibration.zero.tolist(), strict=True))
     assert zero["left_elbow"] == 2048
     assert zero["left_shoulder_pitch"] == 2048 - round((3.4 - 1.6) / 2 * 4096 / (2 * math.pi))
+
+
+@pytest.mark.parametrize(
+    ("kind", "register", "most"),
+    [("dynamixel2", "goal_pwm", 885), ("dynamixel1", "torque_limit", 1023), ("feetech", "torque_limit", 1000)],
+)
+def test_torque_rises_in_steps_from_where_the_servo_stands(kind, register, most):
+    rig = rig_of(kind)
+    wire = InProcess(rig, [0.4, -0.3, 0.2])
+    stood = [wire.get(joint, "present_position") for joint in "abc"]
+    wire.servo("b").put({"dynamixel2": "pwm_limit"}.get(kind, "max_torque"), 400)  # what its owner allows
+    with connect(rig, wire) as bus:
+        bus.torque(True)
+        for ident, ceiling in ((3, most), (7, 400)):
+            steps = [e for e in wire.events(register) if e.id == ident]
+            assert [e.value for e in steps] == [round(share * ceiling) for share in (0.25, 0.5, 0.75, 1.0)]
+            [on] = [e for e in wire.events("torque_enable") if e.id == ident and e.value]
+            goals = [e for e in wire.events("goal_position") if e.id == ident]
+            assert steps[0].time <= goals[0].time < on.time
+            assert np.diff([e.time for e in steps[1:]]).min() > 0.1
+        assert [wire.get(joint, "present_position") for joint in "abc"] == stood

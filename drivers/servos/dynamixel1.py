@@ -140,6 +140,7 @@ def _model(number: int, registers: tuple[Register, ...], stall: float, speed_rpm
         setup={"return_delay_time": 0},
         group_read=False,
         enables=True,
+        torque=("torque_limit", "max_torque"),
     )
 
 

@@ -92,6 +92,7 @@ class Model:
     `setup`: values that are written before the torque comes on. `speed`, `current`: a register and its unit, rad/s and
     A. `errors`: names of the error bits. `full_error` rad: position error at which the motor gets full power.
     `indirect`: first address and first data register of indirect addressing. `enables`: a goal switches torque on.
+    `torque`: the register that limits the torque, and the one that says how far it may go.
     """
 
     number: int | None
@@ -110,6 +111,7 @@ class Model:
     indirect: tuple[int, int] | None = None
     group_read: bool = True
     enables: bool = False
+    torque: tuple[str, str] | None = None
 
     @cached_property
     def by_name(self) -> dict[str, Register]:

@@ -85,6 +85,7 @@ FEETECH = Family(
             slow=(_GUARD,),
             guard=_GUARD,
             setup={"return_delay_time": 0, "operating_mode": 0, "acceleration": 0},
+            torque=("torque_limit", "max_torque"),
         ),
         "SCS0009": Model(
             number=1284,

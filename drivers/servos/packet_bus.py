@@ -7,6 +7,7 @@ answers, which have come in meanwhile. What a read tells is therefore the state 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from types import TracebackType
 
 import numpy as np
@@ -20,6 +21,7 @@ from drivers.servos.table import family_of
 from retarget.rig import Rig
 
 FASTER = 1.5  # A load may push a servo along: a reading that needs more than this times its top speed is damage.
+STEPS, STEP_S = (0.25, 0.5, 0.75, 1.0), 0.1  # shares of the torque as it comes on, and how long each one lasts
 SLACK = 0.05  # rad, and so much on top: backlash, and readings that are not taken at even times
 
 
@@ -105,6 +107,8 @@ class PacketBus:
     def torque(self, on: bool) -> None:
         """All on, holding the pose that they are in, with the servos' watchdog armed; or all off, confirmed by each.
 
+        Where servos can limit their torque it rises in STEPS, which takes 0.3 s.
+
         Raises BusError naming the joints of servos with a hardware error or that did not do it.
         """
         self._states.reset(on=False)
@@ -118,6 +122,8 @@ class PacketBus:
             self._torque_off()
         self._set_up()
         here = self._line.read("present_position")
+        limits = self._torque_limits()
+        self._limit_torque(limits, STEPS[0])
         self._may_be_on = True  # On some servos the goal alone switches the torque on.
         self._line.write("goal_position", here)
         for ident, goal in self._line.read("goal_position").items():
@@ -129,7 +135,21 @@ class PacketBus:
             raise BusError(f"{self._line.units[off[0]]}: does not switch its torque on")
         self._line.write("bus_watchdog", dict.fromkeys(self._ids, self._watchdog_units))
         self._states.reset(on=True)
+        for share in STEPS[1:] if limits else ():
+            until = self._port.now() + STEP_S
+            while self._port.now() < until:
+                self._states.refresh()
+            self._limit_torque(limits, share)
         self._port.silence = 0.0
+
+    def _torque_limits(self) -> dict[str, dict[int, int]]:
+        """By register and id: how far the torque of those servos may go that can limit it."""
+        pairs = dict.fromkeys(u.model.torque for u in self._line.units.values() if u.model.torque is not None)
+        return {name: self._line.read(most) for name, most in pairs}
+
+    def _limit_torque(self, limits: Mapping[str, Mapping[int, int]], share: float) -> None:
+        for name, most in limits.items():
+            self._line.write(name, {i: round(share * value) for i, value in most.items()})
 
     def _set_up(self) -> None:
         """What a servo must know before its torque comes on; only written where it says something else."""

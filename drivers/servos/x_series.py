@@ -110,6 +110,7 @@ def _model(number: int, position_p_gain: int, current_unit: float, *, has_curren
         speed=("profile_velocity", VELOCITY_UNIT),
         setup={"return_delay_time": 0, "operating_mode": POSITION_MODE},
         error_register="hardware_error_status",
+        torque=("goal_pwm", "pwm_limit"),
         indirect=(INDIRECT_ADDRESS, INDIRECT_DATA) if indirect else None,
     )
 
