@@ -28,8 +28,8 @@ class Trips:
     def __init__(self, joints: Sequence[str], ceilings: Ceilings, *, following_s: float, load_s: float) -> None:
         self._joints = tuple(joints)
         self._watched = (
-            (ceilings.error, following_s, "is {:.2f} rad off its command (at most {:.2f}): jammed or overloaded"),
-            (ceilings.current, load_s, "draws {:.2f} A (at most {:.2f}): jammed or overloaded"),
+            (ceilings.error, following_s, "is {:+.2f} rad off its command: jammed or overloaded"),
+            (ceilings.current, load_s, "draws {:+.2f} A (at most {:.2f}): jammed or overloaded"),
             (ceilings.temperature, load_s, "is at {:.0f} °C (at most {:.0f})"),
         )
         self._good_ns: list[NDArray[np.int64]] = []
@@ -43,12 +43,12 @@ class Trips:
 
         `error` (n,) rad: command less measured. What the servos cannot measure is not watched.
         """
-        measured = (np.abs(error), np.abs(reading.current), reading.temperature)
+        measured = (error, reading.current, reading.temperature)
         for (most, seconds, words), good_ns, values in zip(self._watched, self._good_ns, measured, strict=True):
             if not len(values):
                 continue
-            good_ns[values <= most] = now_ns
+            good_ns[np.abs(values) <= most] = now_ns
             if len(late := np.flatnonzero(now_ns - good_ns > seconds * NS)):
-                worst = late[np.argmax(values[late] / most[late])]
+                worst = late[np.argmax(np.abs(values[late]) / most[late])]
                 return f"{self._joints[worst]} " + words.format(values[worst], most[worst])
         return ""

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from families import FAMILIES, rig_of
 from small_rig import small_rig
+from test_faults import Stream
 
 from drivers.bus import Reading
 from drivers.drive import Settings, drive
 from drivers.emulation.in_process import InProcess
 from drivers.servos.connect import connect
 from drivers.trips import Ceilings, Trips
-from test_faults import Stream
 
 S = 1_000_000_000
 CEILINGS = Ceilings(np.full(2, 0.5), np.array([1.0, 2.0]), np.full(2, 65.0))
@@ -32,9 +32,9 @@ def trips():
 @pytest.mark.parametrize(
     ("error", "row", "seconds", "words"),
     [
-        ((0.0, -0.6), reading(), 0.5, "b is 0.60 rad off its command (at most 0.50): jammed or overloaded"),
-        ((0.0, 0.0), reading(current=(-1.1, 1.9)), 1.0, "a draws 1.10 A (at most 1.00): jammed or overloaded"),
-        ((0.0, 0.0), reading(current=(1.1, 2.9)), 1.0, "b draws 2.90 A (at most 2.00): jammed or overloaded"),
+        ((0.0, -0.6), reading(), 0.5, "b is -0.60 rad off its command: jammed or overloaded"),
+        ((0.0, 0.0), reading(current=(-1.1, 1.9)), 1.0, "a draws -1.10 A (at most 1.00): jammed or overloaded"),
+        ((0.0, 0.0), reading(current=(1.1, 2.9)), 1.0, "b draws +2.90 A (at most 2.00): jammed or overloaded"),
         ((0.0, 0.0), reading(temperature=(30.0, 66.0)), 1.0, "b is at 66 °C (at most 65)"),
     ],
 )
