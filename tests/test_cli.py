@@ -419,9 +419,17 @@ def test_the_demo_plays_on_the_emulated_bus() -> None:
     assert max(told["rms_error"]) < 0.1
 
 
+def test_a_rig_without_a_failsafe_is_told_to_have_a_switch() -> None:
+    puppet = load_rig("puppet")
+    for protocol in ("dynamixel1", "feetech", "lx16a", "maestro", "ssc32"):
+        rig = replace(puppet, buses=(replace(puppet.buses[0], protocol=protocol),))
+        assert failsafe(rig) == "no hardware failsafe: fit a power switch"
+
+
 def test_listings(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["rigs", "--json"]) == 0
-    assert {"puppet", "humanoid"} <= {row["name"] for row in json.loads(capsys.readouterr().out)}
+    says = {row["name"]: row["where the computer dies"] for row in json.loads(capsys.readouterr().out)}
+    assert (says["puppet"], says["humanoid"]) == ("servos stop, keep torque", "no servos")
     assert main(["generators"]) == 0
     assert "mdm" in capsys.readouterr().out
 

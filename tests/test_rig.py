@@ -141,9 +141,18 @@ def test_hash_covers_limits_and_order_but_not_colours(copied: Path) -> None:
     assert replace(puppet, joints=puppet.joints[::-1]).hash != puppet.hash
 
 
+def test_limits_of_current_and_temperature_are_the_rigs_or_the_servos(copied: Path) -> None:
+    spoil(copied, "limits = [0.0, 2.4]", "limits = [0.0, 2.4]\ncurrent_limit = 1.1\ntemperature_limit = 50")
+    servos = {s.joint: s for s in load_rig(copied).servos}
+    assert (servos["left_elbow"].max_current, servos["left_elbow"].max_temperature) == (1.1, 50)
+    assert servos["head_pan"].max_current == pytest.approx(0.8 * servos["head_pan"].model.stall_current)
+    assert servos["head_pan"].max_temperature == 65
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
+        ("limits = [0.0, 2.4]", "limits = [0.0, 2.4]\ncurrent_limit = 0", ["current_limit = 0", "above 0"]),
         ('mount = "stand"', 'mount = "shelf"', ["mount = 'shelf'", "free, stand, hung"]),
         ('mount = "stand"', 'mounts = "stand"', ["'mount' is missing"]),
         ("stand_clearance", "stand_clearence", ["unknown key 'stand_clearence'", "stand_clearance"]),

@@ -23,7 +23,7 @@ from drivers.servos.port import OPEN_ERRORS, PORT_ERRORS, Serial, SerialWire, no
 
 TIMES, APART_S = 5, 0.02  # A packet may be cut short by the death, another by noise: one of five gets through.
 CONNECT_S = 10.0
-SLICE_S = 0.05
+SLICE_S = 0.02
 CHUNK = 4096
 READY = "ready "
 
