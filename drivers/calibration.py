@@ -12,13 +12,16 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drivers.bus import Array, BusError
+from motiongen.files import replacing
 from retarget.rig import Rig, Servo
 
 
@@ -58,21 +61,58 @@ def calibration_path(rig: str) -> Path:
     return Path(config) / "rigcast" / "calibration" / f"{rig}.toml"
 
 
+@dataclass(frozen=True)
+class Mark:
+    """Of one joint: which way it turns when ticks grow (+1 or -1), and the ticks at its zero angle."""
+
+    direction: int
+    zero: int
+
+
 def load_calibration(rig: Rig, path: Path | None = None) -> Calibration:
     """Calibration of the servos of `rig`, in their order; the default where there is no file or no entry.
 
     Raises BusError naming the file and the entry that is wrong.
     """
     path = path or calibration_path(rig.name)
+    return _calibration(rig, _entries(rig, path), str(path))
+
+
+def calibration_of(rig: Rig, marks: Mapping[str, Mark]) -> Calibration:
+    """Calibration of the servos of `rig` by the marks of some joints, the default for the others."""
+    return _calibration(rig, {joint: asdict(mark) for joint, mark in marks.items()}, "marks")
+
+
+def save_marks(rig: Rig, marks: Mapping[str, Mark], path: Path | None = None) -> Path:
+    """Write the marks of some joints into the calibration file of `rig`, beside what is there; the file.
+
+    Raises BusError where what is there is wrong, OSError where it cannot be written.
+    """
+    path = path or calibration_path(rig.name)
+    entries = _entries(rig, path) | {joint: asdict(mark) for joint, mark in marks.items()}
+    _calibration(rig, entries, str(path))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
+        tables = ("\n".join([f"[{j}]", *(f"{k} = {v}" for k, v in e.items())]) for j, e in entries.items())
+        temporary.write_text("\n\n".join(tables) + "\n")
+    return path
+
+
+def _entries(rig: Rig, path: Path) -> dict[str, Any]:
+    """The tables of the file by joint; none where there is no file."""
     try:
         given = tomllib.loads(path.read_text())
     except FileNotFoundError:
-        given = {}
+        return {}
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise BusError(f"{path}: {error}") from None
     joints = [s.joint for s in rig.servos]
     if unknown := sorted(set(given) - set(joints)):
         raise BusError(f"{path}: no joint {unknown[0]!r} with a servo in rig {rig.name!r}; it has {', '.join(joints)}")
+    return given
+
+
+def _calibration(rig: Rig, given: Mapping[str, Any], path: str) -> Calibration:
     direction, zero = [], []
     for servo in rig.servos:
         entry = given.get(servo.joint, {})

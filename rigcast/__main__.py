@@ -28,6 +28,7 @@ VERBS = {
     "bus set-id": ("rigcast.bus:set_id", "another id for one servo"),
     "bus monitor": ("rigcast.bus:monitor", "what the servos of a rig measure, live"),
     "bus relax": ("rigcast.bus:relax", "torque off for all servos of a rig"),
+    "bus calibrate": ("rigcast.bus:calibrate", "zero and direction of each joint, moved by hand"),
     "demo": ("rigcast.demo:demo", "the whole line without hardware, in one table"),
     "data build": ("rigcast.data:build", "make a data set out of motion files and gestures"),
     "data show": ("rigcast.data:show", "what is in a data set, and a picture of a clip"),

@@ -1,4 +1,4 @@
-"""`rigcast bus …`: servo buses before and beside a drive: emulate, scan, set-id, monitor, relax."""
+"""`rigcast bus …`: servo buses before and beside a drive: emulate, scan, set-id, monitor, relax, calibrate."""
 
 from __future__ import annotations
 
@@ -132,6 +132,32 @@ def relax(*, port: Port, rig: str = "puppet") -> int:
     left = let_go(load_rig(rig), port)
     print(f"not confirmed, cut the power: {', '.join(left)}" if left else "all limp")
     return 1 if left else 0
+
+
+def calibrate(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -> int:
+    """Find zero and direction of each joint: torque off, you move it by hand, it is written to the rig's own file.
+
+    Args:
+        port: Serial port of the servo bus.
+        rig: Name of the rig that is on the bus, or path of its folder.
+        joint: Only these, by default all; the others keep what they have.
+    """
+    from drivers.calibration import save_marks
+    from drivers.servos.calibrate import calibrate as find
+
+    body = load_rig(rig)
+    marks = find(body, port, joint or tuple(s.joint for s in body.servos), _ask)
+    path = save_marks(body, marks)
+    for name, mark in marks.items():
+        print(f"{name}: direction {mark.direction:+d}, zero {mark.zero}")
+    print(f"written to {path}")
+    return 0
+
+
+def _ask(what: str) -> None:
+    print(f"{what}, then press Enter", file=sys.stderr, flush=True)
+    if not sys.stdin.readline():
+        raise ValueError("calibrate waits for Enter, and its input has ended")
 
 
 def _readings(joints: tuple[str, ...], reading: Reading, title: str) -> Table:

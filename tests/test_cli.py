@@ -27,6 +27,7 @@ from retarget.trajectory import Trajectory
 from rigcast.__main__ import VERBS, main
 from rigcast.delivery import looping
 from rigcast.demo import play_on_emulated_bus
+from rigcast.listing import failsafe
 from rigcast.pipeline import Take
 from rigcast.view import pose_due
 from sim.checks import judge
