@@ -147,7 +147,7 @@ def test_far_from_the_stream_the_rig_eases_in():
     with Emulator(RIG, [-1.0, 0.0, 0.5], CENTRE) as emulator:
         bus = PacketBus(RIG, emulator.port, calibration=CENTRE)
         with driving(bus, settings=Settings(ease_velocity=1.5, settle_s=0.1)) as (address, _, done, _, _):
-            publish(swing(RIG, 1.2, amplitude=0.0), RIG, REPORT, address, wait_s=5)
+            publish(swing(RIG, 2.0, amplitude=0.0), RIG, REPORT, address, wait_s=5)
         events = emulator.events("goal_position")
     goals = (np.array([e.value for e in events if e.id == 3]) - 2048) * TICK
     assert goals[0] == pytest.approx(-1.0, abs=TICK)
