@@ -7,6 +7,7 @@ held-out clips of those very pairs, the real arms of one clip laid over the real
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -137,24 +138,27 @@ LEGS, ARMS = (np.tile(columns, 5) for columns in (_LOWER, columns_of(["arms"])))
 
 
 def learnt(dataset: Dataset, most: int) -> Judge:
-    """Discriminants of the training clips, and their mirror images, of gaits, of actions and of both at once."""
-    clips = [
-        (i, mirrored, shown)
-        for i, entry in enumerate(dataset.entries)
-        for mirrored in (False, True)
-        if entry.split == "train"
-        and (shown := parts_shown(swap_sides(entry.content) if mirrored else entry.content)) is not None
-    ]
-    random, judges = np.random.default_rng(0), []
-    for part, columns in enumerate((LEGS, ARMS)):
-        by_name: dict[str, list[tuple[int, bool]]] = {}
-        for k in random.permutation(len(clips)):
-            i, mirrored, shown = clips[k]
-            by_name.setdefault(shown[part], []).append((i, mirrored))
-        chosen = [(name, clip) for name, there in sorted(by_name.items()) for clip in there[:most]]
-        vectors = np.stack([statistics(dataset.features(*clip))[columns] for _, clip in chosen])
-        judges.append(Discriminant(vectors, [name for name, _ in chosen]))
-    return Judge(*judges)
+    """Discriminants of training clips and their mirror images: all of a gait with something that the arms do, and
+    `most` of each thing alone. A name that leaves the side open, where others tell it, is not learnt from."""
+    random, clips = np.random.default_rng(0), list[tuple[int, bool, tuple[str, str]]]()
+    for i, entry in enumerate(dataset.entries):
+        for mirrored in (False, True):
+            shown = parts_shown(swap_sides(entry.content) if mirrored else entry.content)
+            if entry.split == "train" and shown is not None:
+                clips.append((i, mirrored, shown))
+    sided = {arms.rpartition("-")[0] for _, _, (_, arms) in clips if arms.endswith(("-left", "-right"))}
+    taken: Counter[tuple[str, str]] = Counter()
+    rows, names = [], []
+    for k in random.permutation(len(clips)):
+        i, mirrored, shown = clips[k]
+        alone = STANDING in shown or IDLE in shown
+        if shown[1] in sided or (alone and taken[shown] == most):
+            continue
+        taken[shown] += 1
+        rows.append(statistics(dataset.features(i, mirrored)))
+        names.append(shown)
+    vectors, (legs, arms) = np.stack(rows), zip(*names, strict=True)
+    return Judge(Discriminant(vectors[:, LEGS], legs), Discriminant(vectors[:, ARMS], arms))
 
 
 def parts_shown(content: str) -> tuple[str, str] | None:
