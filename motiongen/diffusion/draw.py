@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.diffusion import mdm_run, mixing, motiondiffuse_run
+from motiongen.diffusion.bodies import Body, bodies_of, followed
 from motiongen.diffusion.meeting import Meeting, meetings, mixed_turns
 from motiongen.diffusion.said import Said, with_nothing
 from motiongen.diffusion.samplers import SAMPLERS, Denoiser, Samples, from_noise, guided, seeded
@@ -30,12 +32,14 @@ _PREDICTIONS = ("x0", "noise")
 
 @dataclass(frozen=True)
 class Drawing:
-    """How to draw: the name of the sampler, its passes, the scale of guidance, λ₁ of Eq. 10."""
+    """How to draw: the name of the sampler, its passes, the scale of guidance, λ₁ of Eq. 10, and whether parts of the
+    body are drawn on bodies of their own (see `bodies.py`)."""
 
     sampler: str
     steps: int
     guidance: float
     lam_parts: float = LAM_PARTS
+    own_bodies: bool = True
 
 
 @dataclass(frozen=True)
@@ -91,16 +95,20 @@ def draw(
     time (MDM, Sec. 3, Editing). Raises ValueError for passes that leave a gap.
     """
     total = max(each.span.stop for each in passes)
-    noise = seeded(seeds, max(total, model.window), total, len(model.mean))
+    bodies = bodies_of([each.span for each in passes], FADE) if how.own_bodies else []
+    noise = seeded([*seeds] * (1 + len(bodies)), max(total, model.window), total, len(model.mean))
     schedule = SCHEDULES[model.schedule]
     times = even_ratios(schedule, how.steps)
-    denoise = _together(model, passes, np.array(counts), how)
-    return SAMPLERS[how.sampler](constrain(denoise) if constrain else denoise, noise, schedule, times)
+    denoise = _together(model, passes, np.array(counts), how, bodies)
+    drawn = SAMPLERS[how.sampler](constrain(denoise) if constrain else denoise, noise, schedule, times)
+    return cast("Floats", drawn[: len(seeds)])
 
 
-def _together(model: Weights, passes: Sequence[Pass], counts: NDArray[np.int_], how: Drawing) -> Denoiser:
-    """Estimate of x_0 (B, T, 140) of all passes: of several, their estimates of the noise mixed, and of joints that
-    two of them turn at the same time, the turns."""
+def _together(
+    model: Weights, passes: Sequence[Pass], counts: NDArray[np.int_], how: Drawing, bodies: Sequence[Body]
+) -> Denoiser:
+    """Estimate of x_0 of all passes: of several, their estimates of the noise mixed, and of joints that two of them
+    turn at the same time, the turns. It is of ((1 + bodies)·B, T, 140): the mixture, then each of `bodies`."""
     schedule = SCHEDULES[model.schedule]
     clean = [_predictor(model, each, counts, how.guidance) for each in passes]
     if model.prediction == "noise":
@@ -111,14 +119,17 @@ def _together(model: Weights, passes: Sequence[Pass], counts: NDArray[np.int_], 
     share = mixing.shares(spans, FADE)
     shared = meetings(spans, share)
 
-    def mixed(x: Samples, t: float) -> Samples:
+    def mixed(samples: Samples, t: float) -> Samples:
         alpha, sigma = schedule.signal_and_noise(t)
-        estimates = [each(x[:, s.start : s.stop], t) for each, s in zip(clean, spans, strict=True)]
+        x, *others = np.split(samples, 1 + len(bodies))
+        own = {k: other for body, other in zip(bodies, others, strict=True) for k in body.voices}
+        seen = [own.get(k, x)[:, s.start : s.stop] for k, s in enumerate(spans)]
+        estimates = [each(y, t) for each, y in zip(clean, seen, strict=True)]
         noises = [(x[:, s.start : s.stop] - alpha * x0) / sigma for x0, s in zip(estimates, spans, strict=True)]
         out = (x - sigma * mixing.mix(noises, spans, share, how.lam_parts, LAM_TIMES)) / alpha
         for meeting in shared:
             _turn(out, model, meeting, [(estimates[k], spans[k].start) for k in meeting.voices])
-        return out
+        return np.concatenate([out, *(followed(body, out, estimates, spans) for body in bodies)])
 
     return mixed
 

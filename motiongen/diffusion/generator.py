@@ -44,14 +44,16 @@ class DiffusionGenerator:
         steps: int = 10,
         alone: bool = False,
         lam_parts: float = LAM_PARTS,
+        own_bodies: bool = True,
     ) -> None:
         """`alone`: the network alone is to follow the text, with nothing taken apart, turned or mended for it;
-        `lam_parts`: λ₁ of MotionDiffuse's Eq. 10."""
+        `lam_parts`: λ₁ of MotionDiffuse's Eq. 10; `own_bodies`: see `bodies.py`, without them Eq. 10 is as printed."""
         self.name = path.stem
         self._model = load_weights(path)
         require_known(self._model, str(path))
         self._encoder = TextEncoder()
-        self._sampler, self._alone, self._lam_parts = sampler, alone, lam_parts
+        self._sampler, self._alone = sampler, alone
+        self._lam_parts, self._own_bodies = lam_parts, own_bodies
         self.licence, self.digest, self.passes = self._model.licence, self._model.digest, steps
 
     def familiarity(self, text: str) -> Familiarity:
@@ -227,7 +229,7 @@ class DiffusionGenerator:
         scale = GUIDANCE if guidance is None else guidance
         if not math.isfinite(scale):
             raise ValueError(f"guidance must be a number, not {guidance}")
-        return Drawing(self._sampler, self.passes, scale, self._lam_parts)
+        return Drawing(self._sampler, self.passes, scale, self._lam_parts, self._own_bodies)
 
     def _action(self, name: str, seed: int) -> str:
         actions = self._model.actions
