@@ -13,6 +13,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,7 +25,7 @@ from evaluation import targets
 from lines import text
 
 from motiongen.candidates import DEFAULT_CANDIDATES
-from motiongen.diffusion.weights import FOLDER, load_weights
+from motiongen.diffusion.weights import FOLDER, Weights, load_weights
 from motiongen.evaluation.compare import Comparison, compare
 from motiongen.evaluation.report.table import BY_CONTENT, cell, headings, table_rows
 from motiongen.evaluation.run.results import Results, Subject, read_results
@@ -33,7 +34,16 @@ from motiongen.files import replacing
 
 ROOT = Path(__file__).parent.parent
 MODEL = "mdm"
-SUBJECTS = ("real", MODEL, "gestures", "retrieval", "mean-pose", "noise")
+OTHERS = ("motiondiffuse", "free")  # models that are held against it
+SUBJECTS = ("real", MODEL, *OTHERS, "gestures", "retrieval", "mean-pose", "noise")
+AFTER = {
+    "mdm": "after the Motion Diffusion Model (Tevet et al. 2022): a transformer in decoder form that predicts the\n"
+    "clean motion and listens to every word by cross-attention",
+    "motiondiffuse": "after MotionDiffuse (Zhang et al. 2022): a cross-modality linear transformer that estimates the\n"
+    "noise, its blocks styled by text and noise level ([motiondiffuse.md](motiondiffuse.md))",
+    "free": "the network of [mdm](model-card.md), trained only on motion that may be used commercially: CMU's clips,\n"
+    "our own gestures, and what is composed of these",
+}
 RIG = "puppet"
 
 
@@ -49,7 +59,9 @@ def main(runs: Annotated[Path, tyro.conf.Positional] = Path("runs"), quick: bool
     single, several = (read_results(folder / "results.json") for folder in (out, best))
     cold = json.loads(_run(sys.executable, str(ROOT / "benchmarks/cold_start.py"), "--json", *shorter))
     _write(ROOT / "docs/results.md", results_page(single, several, cold, _demo(), quick=quick))
-    _write(ROOT / "docs/model-card.md", card(single, several))
+    _write(ROOT / "docs/model-card.md", card(MODEL, _together(single, several)))
+    for name in OTHERS:
+        _write(ROOT / f"docs/model-card-{name}.md", card(name, single))
 
 
 def _sources() -> list[str]:
@@ -103,6 +115,24 @@ def _line(cells: tuple[str, ...]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
+def _only(results: Results, names: Sequence[str]) -> Results:
+    """Some of the subjects alone."""
+    return msgspec.structs.replace(results, subjects=tuple(s for s in results.subjects if s.name in names))
+
+
+def _trained() -> str:
+    """What the models learnt from, and how long."""
+    known = {name: load_weights(FOLDER / f"{name}.safetensors") for name in (MODEL, *OTHERS)}
+    facts = list(dict.fromkeys(fact for w in known.values() for fact in w.training))
+    rows = [_line((fact, *(str(w.training.get(fact, "–")) for w in known.values()))) for fact in facts]
+    size = _line(("parameters, millions", *(f"{_millions(w):.2f}" for w in known.values())))
+    return "\n".join((_line(("", *known)), "|---|" + "---:|" * len(known), size, *rows))
+
+
+def _millions(weights: Weights) -> float:
+    return sum(v.size for v in weights.tensors.values()) / 1e6
+
+
 def _contents(results: Results, names: tuple[str, ...]) -> str:
     """Content by content, for some subjects."""
     subjects = [_by_name(results, name) for name in names]
@@ -138,7 +168,9 @@ def _compared(found: Comparison) -> str:
 def results_page(single: Results, several: Results, cold: dict[str, Any], demo: str, *, quick: bool) -> str:
     """docs/results.md."""
     split = "\n".join(f"| {name} | {seconds:.2f} |" for name, seconds in cold["split_s"].items())
-    both = _together(single, several)
+    both = _only(
+        _together(single, several), [s.name for s in (*single.subjects, *several.subjects) if s.name not in OTHERS]
+    )
     rival = _by_name(single, "retrieval")  # some targets are held against it
     beside = msgspec.structs.replace(several, subjects=(*several.subjects, rival))
     best = compare(single, _by_name(single, MODEL), several, _by_name(several, MODEL))
@@ -179,9 +211,17 @@ Prompt by prompt (`rigcast eval compare`), one drawn against the best of up to {
 
 {_compared(best)}
 
+## The models side by side
+
+The same measures on the same prompts; what each was trained on, by the same loop in the order of this table's columns:
+
+{_trained()}
+
+{_table(_only(single, ("real", MODEL, *OTHERS)))}
+
 ## Content by content
 
-{_contents(single, ("real", MODEL))}
+{_contents(single, ("real", MODEL, *OTHERS))}
 
 ## How long until something moves?
 
@@ -208,24 +248,21 @@ def _refusals(results: Results) -> str:
     return ", ".join(f"{s.name} {s.refused}" for s in results.subjects if s.refused) or "none did"
 
 
-def card(single: Results, several: Results) -> str:
-    """docs/model-card.md."""
-    file = FOLDER / f"{MODEL}.safetensors"
+def card(name: str, results: Results) -> str:
+    """The model card of `name`, beside real clips and the nearest caption's."""
+    file = FOLDER / f"{name}.safetensors"
     w = load_weights(file)
-    millions = sum(v.size for v in w.tensors.values()) / 1e6
-    lines = targets(single, MODEL)
-    both = _together(single, several)
-    shown = msgspec.structs.replace(
-        both, subjects=tuple(s for s in both.subjects if s.name in ("real", MODEL, "retrieval"))
+    shown = _only(
+        results, [s.name for s in results.subjects if s.name in ("real", "retrieval") or s.name.startswith(name)]
     )
-    short = "; ".join(line.name for line in lines if not line.holds) or "none"
-    about = "\n".join(f"| {name} | {value} |" for name, value in w.training.items())
-    return f"""# Model card: `{MODEL}`
+    short = "; ".join(line.name for line in targets(results, name) if not line.holds) or "none"
+    about = "\n".join(f"| {fact} | {value} |" for fact, value in w.training.items())
+    return f"""# Model card: `{name}`
 
-Text to human motion by diffusion, after the Motion Diffusion Model (Tevet et al. 2022): a transformer in decoder form
-({millions:.2f} M parameters, {w.sizes["patch"]} frames a token, {w.sizes["heads"]} heads) that predicts the clean
-motion and listens to every word by cross-attention. Written by `benchmarks/results.py` on {single.date},
-{single.machine}; no figure here was typed.
+Text to human motion by diffusion, {AFTER[name]}.
+{_millions(w):.2f} M parameters, {w.sizes["patch"]} frames a token, {w.sizes["heads"]} heads.
+
+Written by `benchmarks/results.py` on {results.date}, {results.machine}; no figure here was typed.
 
 | | |
 |---|---|

@@ -106,6 +106,7 @@ def list_generators() -> dict[str, str]:
     """Generators by name, and a line on each."""
     return {
         "mdm": "text to motion by diffusion (MDM, decoder form), trained on motion capture and gestures",
+        "motiondiffuse": "the same by another network (MotionDiffuse): efficient attention, estimates of the noise",
         "gestures": "hand-written gestures found by their names: nod, clap three times, bow 30 degrees; no weights",
     }
 
