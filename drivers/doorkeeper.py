@@ -14,6 +14,7 @@ from zmq.utils.monitor import recv_monitor_message
 from drivers.keys import RIGHTS, Keys
 from drivers.sockets import Context, Socket
 
+ANYBODY = "anybody"  # the domain of sockets that every key may come to, whatever it may do
 ZAP = "inproc://zeromq.zap.01"
 CAME, SHOWED_A_KEY = zmq.Event.ACCEPTED, zmq.Event.HANDSHAKE_SUCCEEDED | zmq.Event.HANDSHAKE_FAILED_AUTH
 
@@ -29,6 +30,7 @@ class Doorkeeper:
     def __init__(self, context: Context, keys: Keys) -> None:
         self.refused: Counter[str] = Counter(stranger=0, handshake=0)  # both there: another thread may copy it
         self._allowed = {right.encode(): keys.allowed(right) for right in RIGHTS}
+        self._allowed[ANYBODY.encode()] = frozenset(keys.everybody())
         self._zap = context.socket(zmq.REP)
         self._zap.bind(ZAP)
         self._watched: list[Socket] = []

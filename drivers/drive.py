@@ -114,6 +114,7 @@ class _Loop:
         self._period_ns = int(NS / settings.rate_hz)
         self._next_ns = clock.now_ns()
         self._frame: Frame | None = None
+        self._heard_ns = 0
         self._command: Array | None = None  # None while the torque is off
         self._joined = False
         self._reading: Reading | None = None
@@ -132,7 +133,8 @@ class _Loop:
             self._next_ns = now
         self._next_ns += self._period_ns
         self._cycles += 1
-        self._frame = self._receiver.poll(now) or self._frame
+        if (newest := self._receiver.poll(now)) is not None:
+            self._frame, self._heard_ns = newest, now
         self._mode, self._reason = self._receiver.watchdog.mode, self._receiver.watchdog.reason
         self._reading = self._bus.read()
         more = self._act(self._reading, now)
@@ -204,15 +206,21 @@ class _Loop:
     def _tell(self, now: int) -> None:
         if self._reading is None:
             return
-        columns = (self._reading.position, self._reading.current, self._reading.temperature, self._reading.voltage)
+        frame, measured = self._frame, self._reading
         state = RigState(
-            self._rig.name,
-            self._rig.hash,
-            self._mode,
-            self._reason[:1000],
-            0 if self._frame is None else self._frame.seq,
-            now,
-            *(tuple(c.tolist()) for c in columns),
+            rig=self._rig.name,
+            rig_hash=self._rig.hash,
+            mode=self._mode,
+            reason=self._reason[:1000],
+            seq=0 if frame is None else frame.seq,
+            time_ns=now,
+            position=tuple(measured.position.tolist()),
+            current=tuple(measured.current.tolist()),
+            temperature=tuple(measured.temperature.tolist()),
+            voltage=tuple(measured.voltage.tolist()),
+            frame_ns=0 if frame is None else frame.capture_ns,
+            heard_ns=self._heard_ns,
+            run=self._receiver.run,
         )
         self._receiver.send_state(state)
         if self._watch is not None:

@@ -1,4 +1,4 @@
-"""Endpoints: the four sockets of a stream derive from the one address that a person gives."""
+"""Endpoints: the five sockets of a stream derive from the one address that a person gives."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ class StreamError(RuntimeError):
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Addresses of the frames, the hello, the stop and the state sockets. The publisher binds all four."""
+    """Addresses of the frames, hello, stop, state and control sockets. The publisher binds all five."""
 
     frames: str
     hello: str
     stop: str
     state: str
+    control: str
 
     @property
     def local(self) -> bool:
@@ -28,15 +29,15 @@ class Endpoints:
 
 
 def endpoints(address: str) -> Endpoints:
-    """The four addresses of `address`: `tcp://host:port` takes port to port + 3; `ipc://path` appends names.
+    """The five addresses of `address`: `tcp://host:port` takes port to port + 4; `ipc://path` appends names.
 
-    Raises StreamError where `address` is neither, or where port + 3 is no port.
+    Raises StreamError where `address` is neither, or where port + 4 is no port.
     """
     if match := re.fullmatch(r"(tcp://(?:[\w.*-]+|\[[0-9a-fA-F:]+\])):(\d{1,5})", address):
         host, port = match[1], int(match[2])
-        if not 1 <= port <= 65532:
-            raise StreamError(f"port {port} in {address!r}: a stream takes four ports, from 1…65532")
-        return Endpoints(*(f"{host}:{port + k}" for k in range(4)))
+        if not 1 <= port <= 65531:
+            raise StreamError(f"port {port} in {address!r}: a stream takes five ports, from 1…65531")
+        return Endpoints(*(f"{host}:{port + k}" for k in range(5)))
     if re.fullmatch(r"ipc://.+", address):
-        return Endpoints(address, f"{address}.hello", f"{address}.stop", f"{address}.state")
+        return Endpoints(address, *(f"{address}.{name}" for name in ("hello", "stop", "state", "control")))
     raise StreamError(f"endpoint {address!r}: give tcp://host:port or ipc://path, such as {DEFAULT}")

@@ -5,7 +5,7 @@ Two files in `<config>/rigcast/keys/`, `<config>` being `$XDG_CONFIG_HOME` or `~
 
     [desk]
     key = "…"                     # its public key, 64 hex digits
-    may = ["follow", "control"]   # out of follow, control, lead
+    may = ["follow", "control"]   # out of follow, control, lead, say
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from zmq.utils import z85
 
 from drivers.endpoint import Endpoints, StreamError
 
-Right = Literal["follow", "control", "lead"]
+Right = Literal["follow", "control", "lead", "say"]
 RIGHTS: tuple[Right, ...] = get_args(Right)
 OWN = "own"
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -35,7 +35,8 @@ _KEY = re.compile(r"[0-9a-f]{64}")
 class Peer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Another machine's public `key` (64 hex digits) and what it `may` do.
 
-    `follow`: receive our frames, hello and stop. `control`: send to us. `lead`: send the frames that our rigs follow.
+    `follow`: receive our frames, hello and stop. `control`: send us a rig's state. `lead`: send the frames that our
+    rigs follow. `say`: tell our service what the rig shall do. Each of them may stop us.
     """
 
     key: Annotated[str, msgspec.Meta(pattern=r"\A[0-9a-f]{64}\Z")]
@@ -60,6 +61,10 @@ class Keys:
     def allowed(self, right: Right) -> frozenset[bytes]:
         """The public keys that have `right`."""
         return frozenset((self.public, *(bytes.fromhex(p.key) for p in self.peers.values() if right in p.may)))
+
+    def everybody(self) -> dict[bytes, str]:
+        """The name that each public key has here, whatever it may do."""
+        return {self.public: OWN, **{bytes.fromhex(p.key): name for name, p in self.peers.items()}}
 
     def leader(self, name: str = "") -> bytes:
         """The public key of the machine `name`, or of the only one that may lead; raises StreamError otherwise."""

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from drivers.frame import Frame, FrameError, decode
-from drivers.messages import Hello, Stop, unpack
+from drivers.messages import Hello, RigState, Stop, news_in, unpack
 from drivers.recording import Channel, Record
 
 SUFFIX = ".mcap"
@@ -24,6 +24,7 @@ def _object(**fields: dict[str, Any]) -> dict[str, Any]:
 
 
 JOINT = _object(name=TEXT, position=NUMBER, velocity=NUMBER)
+MEASURED = _object(name=TEXT, position=NUMBER, current=NUMBER, temperature=NUMBER, voltage=NUMBER)
 XYZ = dict.fromkeys("xyz", NUMBER)
 SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
     "/joints": (
@@ -39,6 +40,10 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
         ),
     ),
     "/hello": ("rigcast.Hello", _object(rig=TEXT, text=TEXT, source=TEXT, licence=TEXT, rate_hz=NUMBER)),
+    "/state": (
+        "rigcast.State",
+        _object(rig=TEXT, mode=TEXT, reason=TEXT, seq=NUMBER, joints={"type": "array", "items": MEASURED}),
+    ),
     "/stop": ("rigcast.Stop", _object(reason=TEXT)),
     "/damaged": ("rigcast.Damaged", _object(channel=TEXT, bytes=NUMBER, error=TEXT)),
 }
@@ -88,9 +93,12 @@ class McapRecorder:
         self._say("/root", _root(frame, utc_ns), utc_ns, frame.seq)
 
     def _hello(self, data: bytes, utc_ns: int) -> None:
-        hello = unpack(data, Hello)
-        self._names = hello.joints
-        self._say("/hello", msgspec.to_builtins(hello), utc_ns)
+        news = news_in(data)
+        if isinstance(news, Hello):
+            self._names = news.joints
+            self._say("/hello", msgspec.to_builtins(news), utc_ns)
+        else:
+            self._say("/state", _measured(news, self._names), utc_ns)
 
     def _stop(self, data: bytes, utc_ns: int) -> None:
         self._say("/stop", {"reason": unpack(data, Stop).reason}, utc_ns)
@@ -106,9 +114,20 @@ class McapRecorder:
         return self._writer.register_channel(topic, MessageEncoding.JSON, number)
 
 
+def _named(names: tuple[str, ...], joints: int) -> tuple[str, ...]:
+    return names if len(names) == joints else tuple(f"joint {k}" for k in range(joints))
+
+
+def _measured(state: RigState, names: tuple[str, ...]) -> dict[str, Any]:
+    """Of each servo what it can measure; a rig without a servo on every joint tells no names."""
+    columns = {k: v for k in ("position", "current", "temperature", "voltage") if (v := getattr(state, k))}
+    rows = zip(_named(names, len(state.position)), *columns.values(), strict=True)
+    joints = [dict(zip(("name", *columns), row, strict=True)) for row in rows]
+    return {"rig": state.rig, "mode": state.mode, "reason": state.reason, "seq": state.seq, "joints": joints}
+
+
 def _joints(frame: Frame, names: tuple[str, ...]) -> dict[str, Any]:
-    if len(names) != frame.pos.shape[1]:
-        names = tuple(f"joint {k}" for k in range(frame.pos.shape[1]))
+    names = _named(names, frame.pos.shape[1])
     columns = zip(names, frame.pos[0].tolist(), frame.vel[0].tolist(), strict=True)
     return {
         "stream": frame.stream,

@@ -7,7 +7,7 @@ are then ignored here; a missing, ill-typed or out-of-range field is a FrameErro
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 
@@ -54,7 +54,9 @@ class Stop(msgspec.Struct, frozen=True, tag="rigcast.stop.1", tag_field="type"):
 class RigState(msgspec.Struct, frozen=True, tag="rigcast.state.1", tag_field="type"):
     """What a rig measured. All (nj,) in the rig's joint order: rad, A, °C, V; empty where the rig cannot measure it.
 
-    `seq` is the frame it last followed, `time_ns` its own CLOCK_MONOTONIC, `reason` why it left "following".
+    `seq` is the frame it last followed, `time_ns` its own CLOCK_MONOTONIC, `reason` why it left "following". `frame_ns`
+    is the capture time of that frame on the sender's clock and `heard_ns` when it came, on the rig's; 0 where none has
+    come. `run`: 32 random bits, one value per run of the driver.
     """
 
     rig: Text
@@ -67,6 +69,9 @@ class RigState(msgspec.Struct, frozen=True, tag="rigcast.state.1", tag_field="ty
     current: Numbers = ()
     temperature: Numbers = ()
     voltage: Numbers = ()
+    frame_ns: U64 = 0
+    heard_ns: U64 = 0
+    run: Annotated[int, msgspec.Meta(ge=0, lt=1 << 32)] = 0
 
     def __post_init__(self) -> None:
         measured = [v for v in (self.current, self.temperature, self.voltage) if v]
@@ -76,18 +81,30 @@ class RigState(msgspec.Struct, frozen=True, tag="rigcast.state.1", tag_field="ty
 Message = TypeVar("Message", Hello, Stop, RigState)
 
 
-def pack(message: Hello | Stop | RigState) -> bytes:
+def pack(message: msgspec.Struct) -> bytes:
     """One message part."""
     return msgspec.msgpack.encode(message)
 
 
 def unpack(data: bytes, kind: type[Message]) -> Message:
     """The message of type `kind` in `data`; raises FrameError where it is not exactly one."""
+    found: Message = decoded(data, kind, kind.__name__.lower())
+    return found
+
+
+def news_in(data: bytes) -> Hello | RigState:
+    """What came on the hello socket: who streams, or what a rig has told the publisher; raises FrameError."""
+    found: Hello | RigState = decoded(data, Hello | RigState, "hello")
+    return found
+
+
+def decoded(data: bytes, kind: Any, name: str) -> Any:
+    """The message of type `kind`, or of one type of a union, in `data`; raises FrameError, which begins with `name`."""
     try:
         return msgspec.msgpack.decode(data, type=kind)
     except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError) as error:
         said = "".join(c if c.isprintable() else "?" for c in str(error)[:200])  # it may quote what was sent
-        raise FrameError(f"{kind.__name__.lower()}: {said}") from None
+        raise FrameError(f"{name}: {said}") from None
 
 
 def _same_length(what: str, joints: int, *columns: tuple[float, ...]) -> None:

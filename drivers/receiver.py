@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import secrets
 from collections.abc import Iterator
 from types import TracebackType
 
@@ -13,8 +14,9 @@ from drivers.frame import MAX_BYTES, Frame, FrameError
 from drivers.gate import Gate
 from drivers.keys import Keys, require_guarded
 from drivers.line import Line
-from drivers.messages import MAX_MESSAGE_BYTES, Hello, Message, RigState, Stop, pack, unpack
-from drivers.sockets import LINGER_MS, Context, Curve, open_socket
+from drivers.messages import MAX_MESSAGE_BYTES, Hello, RigState, Stop, news_in, pack, unpack
+from drivers.roster import Roster
+from drivers.sockets import HELLO_QUEUE, LINGER_MS, Context, Curve, open_socket
 from drivers.watchdog import Patience, Watchdog
 
 MOST_AT_ONCE = 8  # A flooded socket may not keep a control loop busy.
@@ -24,7 +26,8 @@ TEND_EVERY_NS = 100_000_000
 class Receiver:
     """Receives a stream for the rig with `rig_hash`; a context manager, used from one thread.
 
-    `gate` counts what was refused, `watchdog` knows the mode; `preview` is for what only draws (see `Gate`).
+    `gate` counts what was refused, `watchdog` knows the mode, `roster` what the rigs on this stream have told the
+    publisher; `preview` is for what only draws (see `Gate`). `run`: 32 random bits, for the states that it sends.
     With `keys` it follows the machine named `leader` alone, or the only one that may lead. Raises StreamError where the
     address is no endpoint, or on another machine with neither `keys` nor `insecure`.
     """
@@ -43,6 +46,8 @@ class Receiver:
         patience = patience or Patience()
         self.gate = Gate(rig_hash, preview=preview, max_age_s=patience.hold_s)
         self.watchdog = Watchdog(patience)
+        self.roster = Roster()
+        self.run = secrets.randbits(32)
         self.hello: Hello | None = None
         self._at = endpoints(address)
         require_guarded(self._at, keys, insecure)
@@ -52,7 +57,7 @@ class Receiver:
         self._tend_ns = 0
         try:
             self._frames = self._connect(zmq.SUB, self._at.frames, newest=True)
-            self._hello = self._connect(zmq.SUB, self._at.hello)
+            self._hello = self._connect(zmq.SUB, self._at.hello, queue=HELLO_QUEUE)
             self._stop = self._connect(zmq.SUB, self._at.stop)
         except BaseException:
             self._context.destroy(0)
@@ -72,10 +77,15 @@ class Receiver:
         self._tend(now_ns)
         self.watchdog.update(now_ns)
         for data in self._waiting(self._stop):
-            if (stop := self._read(data, Stop)) is not None:
-                self.watchdog.stop(stop.reason)
+            with self._counting():
+                self.watchdog.stop(unpack(data, Stop).reason)
         for data in self._waiting(self._hello):
-            self.hello = self._read(data, Hello) or self.hello
+            with self._counting():
+                news = news_in(data)
+                if isinstance(news, Hello):
+                    self.hello = news
+                else:
+                    self.roster.note("", news, now_ns)
         frame = None
         for data in self._waiting(self._frames):
             if (accepted := self.gate.check(data, now_ns)) is not None:
@@ -101,9 +111,11 @@ class Receiver:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def _connect(self, kind: int, address: str, *, newest: bool = False) -> Line:
-        most = MAX_BYTES if newest else MAX_MESSAGE_BYTES
-        socket = open_socket(self._context, kind, address, bind=False, max_bytes=most, newest=newest, curve=self._curve)
+    def _connect(self, kind: int, address: str, *, newest: bool = False, queue: int = 2) -> Line:
+        most, curve = MAX_BYTES if newest else MAX_MESSAGE_BYTES, self._curve
+        socket = open_socket(
+            self._context, kind, address, bind=False, max_bytes=most, newest=newest, queue=queue, curve=curve
+        )
         return Line(socket, address)
 
     def _tend(self, now_ns: int) -> None:
@@ -120,10 +132,11 @@ class Receiver:
             except zmq.Again:
                 return
 
-    def _read(self, data: bytes, kind: type[Message]) -> Message | None:
+    @contextlib.contextmanager
+    def _counting(self) -> Iterator[None]:
+        """Count a message that cannot be read, and go on."""
         try:
-            return unpack(data, kind)
+            yield
         except FrameError as error:
             self.gate.refused["message"] += 1
             self.gate.last_error = str(error)
-            return None

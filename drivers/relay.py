@@ -8,11 +8,12 @@ from collections.abc import Callable
 
 import zmq
 
+from drivers.control import Told, request_in
 from drivers.endpoint import endpoints
-from drivers.frame import MAX_BYTES
+from drivers.frame import MAX_BYTES, FrameError
 from drivers.keys import Keys, require_guarded
 from drivers.line import Line
-from drivers.messages import MAX_MESSAGE_BYTES
+from drivers.messages import MAX_MESSAGE_BYTES, Hello, Stop, news_in, pack
 from drivers.outlet import Outlet
 from drivers.sockets import Context, Curve, Socket, open_socket
 
@@ -32,7 +33,8 @@ def relay(
 ) -> int:
     """Pass the stream at `source` on at `address`, and rigs' states back, until `ended` says so; the frames passed.
 
-    Of frames the newest is passed on where it cannot keep up. `keys` guard `address`; `source_keys` and `leader` are
+    A stop that is said at `address` stops the rigs there and goes on to `source`; prompts are for `source` alone. Of
+    frames the newest is passed on where it cannot keep up. `keys` guard `address`; `source_keys` and `leader` are
     for `source`, of which `trouble` is told as by `listen`. Raises StreamError as Outlet and Receiver do.
     """
     at = endpoints(source)
@@ -47,17 +49,18 @@ def relay(
 
     try:
         frames, hello = dial(zmq.SUB, at.frames, newest=True), dial(zmq.SUB, at.hello)
-        stop, state = dial(zmq.SUB, at.stop), dial(zmq.PUB, at.state)
+        stop, state, control = dial(zmq.SUB, at.stop), dial(zmq.PUB, at.state), dial(zmq.DEALER, at.control)
         ways: dict[Socket, Socket] = {
             frames.socket: outlet.frames,
             hello.socket: outlet.hello,
             stop.socket: outlet.stop,
             outlet.state: state.socket,
+            outlet.control: control.socket,
         }
         poller = zmq.Poller()
         for way in ways:
             poller.register(way, zmq.POLLIN)
-        return _pass_on(poller, ways, (frames, hello, stop, state), outlet, ended, trouble)
+        return _pass_on(poller, ways, (frames, hello, stop, state, control), outlet, ended, trouble)
     finally:
         outlet.close()
         context.destroy(0)
@@ -75,10 +78,15 @@ def _pass_on(
     last: dict[Socket, bytes] = {}  # What who joins later must know: the hello, and a stop that was said.
     while not ended():
         for socket, _ in poller.poll(LOOK_UP_MS):
-            data = socket.recv()
+            data = _stop_in(outlet) if socket is outlet.control else socket.recv()
+            if data is None:
+                continue
             passed += ways[socket] is outlet.frames
-            if ways[socket] in (outlet.hello, outlet.stop):
+            if ways[socket] is outlet.stop or (ways[socket] is outlet.hello and _is_hello(data)):
                 last[ways[socket]] = data
+            if socket is outlet.control:
+                last[outlet.stop] = data
+                outlet.stop.send(data, zmq.NOBLOCK)
             with contextlib.suppress(zmq.Again):
                 ways[socket].send(data, zmq.NOBLOCK)
         if outlet.somebody_came():
@@ -91,3 +99,25 @@ def _pass_on(
                 line.tend(now)
             trouble(lines[0].trouble)
     return passed
+
+
+def _is_hello(data: bytes) -> bool:
+    with contextlib.suppress(FrameError):
+        return isinstance(news_in(data), Hello)
+    return False
+
+
+def _stop_in(outlet: Outlet) -> bytes | None:
+    """The stop that was said at our end; None for anything else, which is answered."""
+    key, *parts = outlet.control.recv_multipart()
+    try:
+        request = request_in(parts[-1])
+    except FrameError:
+        return None
+    if isinstance(request, Stop):
+        answer = Told("", "stopped", request.reason)
+    else:
+        answer = Told(request.id, "refused", "a relay passes a stop on and nothing else: ask the publisher itself")
+    with contextlib.suppress(zmq.Again):
+        outlet.control.send_multipart([key, pack(answer)], zmq.NOBLOCK)
+    return parts[-1] if isinstance(request, Stop) else None

@@ -15,6 +15,7 @@ from drivers.endpoint import StreamError
 Context = zmq.Context[zmq.Socket[bytes]]
 Socket = zmq.Socket[bytes]
 
+HELLO_QUEUE = 64  # The hello socket carries what several rigs told, which comes in bursts.
 LINGER_MS = 200  # Long enough for the last frame, or a stop, to leave before the process does.
 HANDSHAKE_MS = 5000
 

@@ -51,7 +51,7 @@ def swing(rig: Rig, seconds: float = 1.0, fps: float = 50.0, amplitude: float = 
 
 
 def free_address() -> str:
-    """tcp://127.0.0.1:port with four free ports from port on."""
+    """tcp://127.0.0.1:port with five free ports from port on."""
     for _ in range(100):
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
@@ -59,10 +59,10 @@ def free_address() -> str:
         if first > 65000:
             continue
         try:
-            for port in range(first, first + 4):
+            for port in range(first, first + 5):
                 with socket.socket() as probe:
                     probe.bind(("127.0.0.1", port))
         except OSError:
             continue
         return f"tcp://127.0.0.1:{first}"
-    raise RuntimeError("no four free ports in a row")
+    raise RuntimeError("no five free ports in a row")
