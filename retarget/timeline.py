@@ -31,7 +31,7 @@ def plan(first: Array, last: Array, nominal: Array, velocity: Array, frames: int
 
     The motion starts and ends at rest: its time is run at a rate that rises from 0 to 1 and falls back, never above 1.
     """
-    lead, tail = (_ease_frames(pose - nominal, velocity, fps) for pose in (first, last))
+    lead, tail = (ease_frames(pose - nominal, velocity, fps) for pose in (first, last))
     ramp = min(round(RAMP * fps), frames - 1)
     count = frames + ramp
     u = np.clip((np.arange(count - 1) + 0.5) / max(ramp, 1), 0, 1)
@@ -84,9 +84,19 @@ def shifted(labels: tuple[Label, ...], timeline: Timeline, fps: float) -> tuple[
     )
 
 
-def _ease_frames(step: Array, velocity: Array, fps: float) -> int:
+def ease_frames(step: Array, velocity: Array, fps: float) -> int:
+    """Frames in which to `ease` joints over `step` (nj,) rad without exceeding `velocity` (nj,) rad/s."""
     seconds = PEAK * float(np.max(np.abs(step) / velocity, initial=0.0))
     return int(np.ceil(max(SHORTEST_EASE, seconds) * fps))
+
+
+def run_down(frame: int, last: int, frames: int) -> Timeline:
+    """How a motion is shown from `frame` on while it comes to rest.
+
+    Its time is run at a rate that falls from 1 to 0 within `frames` frames; it does not go beyond `last`.
+    """
+    u = (np.arange(frames) + 0.5) / max(frames, 1)
+    return Timeline(0, np.minimum(frame + np.concatenate([[0.0], np.cumsum(1 - _smooth(u))]), last), 0)
 
 
 def _smooth(u: Array) -> Array:
