@@ -32,7 +32,7 @@ class Say(msgspec.Struct, frozen=True, tag="rigcast.say.1", tag_field="type"):
     id: Id
     text: Annotated[str, msgspec.Meta(max_length=MOST_TEXT)]
     seconds: Annotated[float, msgspec.Meta(gt=0, le=3600)] | None = None
-    seed: Annotated[int, msgspec.Meta(ge=0, lt=1 << 63)] = 0
+    seed: Annotated[int, msgspec.Meta(ge=0, lt=1 << 62)] = 0
     guidance: Annotated[float, msgspec.Meta(ge=-100, le=100)] | None = None
     replace: bool = False
     sender: Text = ""

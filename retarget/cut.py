@@ -43,7 +43,9 @@ def standing_at(trajectory: Trajectory, root: Array) -> Trajectory:
     first = trajectory.qpos[0]
     turn = yaw_quat(yaw_of_quat(root[3:7]) - yaw_of_quat(first[3:7]))
     qpos = trajectory.qpos.copy()
-    qpos[:, :3] = quat_rotate(turn, qpos[:, :3] - [*first[:2], 0.0]) + [*root[:2], 0.0]
+    qpos[:, :2] -= first[:2]
+    qpos[:, :3] = quat_rotate(turn, qpos[:, :3])
+    qpos[:, :2] += root[:2]
     qpos[:, 3:7] = quat_mul(turn, qpos[:, 3:7])
     return replace(trajectory, qpos=qpos)
 

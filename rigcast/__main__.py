@@ -14,6 +14,8 @@ VERBS = {
     "edit": ("rigcast.edit:edit", "part of a clip drawn anew: some frames, some parts of the body"),
     "play": ("rigcast.play:play", "the same from a motion or trajectory file"),
     "check": ("rigcast.check:check", "the physics report on a file"),
+    "serve": ("rigcast.serve:serve", "the live service: an idle rig that does what is sent to it"),
+    "send": ("rigcast.send:send", "tell a service what to do next, or any stream to stop"),
     "view": ("rigcast.view:view", "preview what is on the wire, or what was"),
     "relay": ("rigcast.relay:relay", "pass a stream on, to other networks or many receivers"),
     "record": ("rigcast.record:record", "write what is on the wire to a file"),

@@ -54,7 +54,8 @@ def test_what_comes_next_begins_where_the_last_ended() -> None:
     rng = np.random.default_rng(1)
     here = swing(RIG, 1.0)
     qpos = here.qpos.copy()
-    qpos[:, :3] = np.cumsum(rng.normal(0, 0.01, (51, 3)), 0) + [3.0, -2.0, 0.4]
+    qpos[:, :3] = np.cumsum(rng.normal(0, 0.01, (51, 3)), 0)
+    qpos[:, :3] += np.array([3.0, -2.0, 0.4])
     yaw = 0.7 + np.linspace(0, 1, 51)
     qpos[:, 3:7] = np.stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)], 1)
     walk = replace(here, qpos=qpos)
