@@ -1,0 +1,171 @@
+"""The control socket over real ones: who may ask, who may only stop, and what strangers can do there."""
+
+from __future__ import annotations
+
+import random
+import time
+from contextlib import contextmanager
+
+import msgspec
+import pytest
+import zmq
+from small_rig import REPORT, free_address
+from test_security import DESK, MOVE, PI, RIG, STRANGER, knowing, pair, sending, sockets, until
+
+from drivers.caller import ControlLine
+from drivers.control import Look, Say, Status, Told
+from drivers.endpoint import StreamError, endpoints
+from drivers.messages import RigState, Stop, pack
+from drivers.publisher import MOST_REQUESTS_PER_S, publish
+from drivers.receiver import Receiver
+
+PHONE, SCREEN = pair(), pair()
+HOST = knowing(DESK, pi=(PI, "follow control"), phone=(PHONE, "say"), screen=(SCREEN, "follow"))
+PHONE, SCREEN = (knowing(keys, desk=(DESK, "lead")) for keys in (PHONE, SCREEN))
+
+
+@contextmanager
+def lines(address: str, *keys):
+    """A control line with each of `keys`, and what each was answered so far."""
+    with ControlLine(address, keys=keys[0]) as first:
+        if len(keys) == 1:
+            yield [first]
+        else:
+            with lines(address, *keys[1:]) as rest:
+                yield [first, *rest]
+
+
+def answered(line: ControlLine):
+    """What `line` has been answered just now, or None."""
+    return next(line.answers(lambda: not line._line.socket.poll(1), 1e9), None)
+
+
+def test_a_key_that_may_say_is_heard_by_name_and_others_are_told_why_not():
+    address = free_address()
+    with sending(HOST, address) as send, lines(address, PHONE, SCREEN, PI) as (phone, screen, pi):
+        for line, id in ((phone, "p"), (screen, "s"), (pi, "r")):
+            line.ask(Say(id, "wave", sender="I am the owner"))
+        heard, told = [], []
+
+        def all_spoke():
+            heard.extend(send.publisher.requests())
+            told.extend(filter(None, (answered(line) for line in (screen, pi))))
+            return heard and len(told) == 2
+
+        until(all_spoke)
+        [(caller, request)] = heard
+        assert (caller.name, request.id) == ("phone", "p")
+        assert {t.event for t in told} == {"refused"}
+        assert "'screen' may not say" in " ".join(t.detail for t in told)
+        send.publisher.tell(caller, Told("p", "queued"))
+        assert until(lambda: answered(phone)) == Told("p", "queued")
+
+
+def test_every_key_may_look_and_stop():
+    address = free_address()
+    with (
+        sending(HOST, address) as send,
+        lines(address, SCREEN) as [screen],
+        Receiver(address, rig_hash=RIG.hash, keys=PI) as rig,
+    ):
+        screen.ask(Look("l"))
+        [(caller, request)] = until(send.publisher.requests)
+        assert (caller.name, request) == ("screen", Look("l"))
+        screen.ask(Stop("a hand is in the way"))
+        until(lambda: send.publisher.requests() or send.publisher.stopped)
+        until(lambda: send() or rig.poll(time.monotonic_ns()) or rig.watchdog.mode == "stopped")
+        assert rig.watchdog.reason == "stop: a hand is in the way (screen)"
+        assert until(lambda: answered(screen)).event == "stopped"
+
+
+def test_a_stranger_asks_nothing_and_an_impostor_is_told_nothing():
+    address = free_address()
+    stranger = knowing(STRANGER, desk=(DESK, "lead"))
+    with sending(HOST, address) as send, lines(address, stranger) as [line]:
+        line.ask(Say("s", "wave"))
+        line.ask(Stop("I say so"))
+
+        def was_refused():
+            assert send.publisher.requests() == []
+            answered(line)
+            line._line.tend(time.monotonic_ns())
+            return send.publisher.refused["stranger"] >= 3
+
+        until(was_refused)
+        assert send.publisher.stopped == ""
+        with pytest.raises(StreamError, match="does not allow this machine's key"):
+            next(line.answers(lambda: False, 0.0))
+    with sending(STRANGER, address), lines(address, PHONE) as [phone]:
+        phone.ask(Say("p", "wave"))
+        until(lambda: answered(phone) or "not the leader's" in phone.trouble or phone._line.tend(time.monotonic_ns()))
+
+
+def test_noise_is_counted_and_a_flood_does_not_keep_a_stop_out():
+    address = free_address()
+    rng = random.Random(3)
+    with sending(None, address) as send, sockets((zmq.DEALER, endpoints(address).control, None)) as [mouth]:
+        count = 400
+        good = pack(Say("a", "wave"))
+        for _ in range(count):
+            noise = rng.choice([rng.randbytes(rng.randrange(300)), good[: rng.randrange(len(good))], b"\x93NUMPY"])
+            mouth.send(noise)
+            send.publisher.requests()
+        until(lambda: send.publisher.requests() or send.publisher.refused["message"] == count)
+        heard = []
+        for _ in range(MOST_REQUESTS_PER_S + 100):
+            mouth.send(good)
+        mouth.send(pack(Stop("now")))
+        until(lambda: heard.extend(send.publisher.requests()) or send.publisher.stopped)
+        assert send.publisher.stopped == "now"
+        assert MOST_REQUESTS_PER_S <= len(heard) <= 2 * MOST_REQUESTS_PER_S  # it may have taken a moment
+        mouth.send_multipart([good, good])
+        until(lambda: send.publisher.requests() or send.publisher.refused["message"] == count + 1)
+
+
+def test_a_stream_without_a_service_ends_at_a_stop_and_at_a_rig_that_trips():
+    for why in ("stop", "trip"):
+        address = free_address()
+        at = endpoints(address)
+        with sockets((zmq.DEALER, at.control, None), (zmq.PUB, at.state, None)) as [control, state]:
+
+            class Clock:
+                """Says its word once the stream is under way."""
+
+                def now_ns(self):
+                    return time.monotonic_ns()
+
+                def sleep_until_ns(self, when_ns, why=why, control=control, state=state):
+                    time.sleep(max(0.0, (when_ns - time.monotonic_ns()) * 1e-9))
+                    if why == "stop":
+                        control.send(pack(Stop("enough")))
+                    else:
+                        state.send(pack(RigState("small", 1, "tripped", "hot", 0, 0, (0.0,))))
+
+            done = publish(MOVE, RIG, REPORT, address, clock=Clock())
+        assert done.ended == ("stopped: enough" if why == "stop" else "small is tripped: hot")
+        assert done.frames < 51 + 3
+
+
+def test_what_rigs_tell_reaches_those_who_watch():
+    address = free_address()
+    told = RigState("small", RIG.hash, "following", "", 3, 4, (0.1, 0.2, 0.3), run=9)
+    with (
+        sending(None, address) as send,
+        Receiver(address, rig_hash=RIG.hash) as rig,
+        Receiver(address, rig_hash=RIG.hash, preview=True) as screen,
+    ):
+
+        def seen():
+            send()
+            rig.send_state(told)
+            send.publisher.states()
+            screen.poll(time.monotonic_ns())
+            return list(screen.roster)
+
+        assert until(seen)[0].state == told
+        until(lambda: seen() and screen.hello)
+
+
+def test_answers_travel_whole():
+    status = Status("i", "puppet", "mdm", "idle", "", "", 0.0, ("wave",), "desk", ())
+    assert msgspec.msgpack.decode(pack(status), type=Status) == status
