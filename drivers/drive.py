@@ -15,7 +15,7 @@ import numpy as np
 
 from drivers.bus import Array, BusError, Reading, ServoBus
 from drivers.clock import MonotonicClock, Ticker
-from drivers.follow import Limits, step, target_at
+from drivers.follow import Limits, step
 from drivers.frame import Frame
 from drivers.messages import Mode, RigState
 from drivers.receiver import Receiver
@@ -135,9 +135,10 @@ class _Loop:
         self._cycles += 1
         if (newest := self._receiver.poll(now)) is not None:
             self._frame, self._heard_ns = newest, now
+        held = self._mode == "hold"
         self._mode, self._reason = self._receiver.watchdog.mode, self._receiver.watchdog.reason
         self._reading = self._bus.read()
-        more = self._act(self._reading, now)
+        more = self._act(self._reading, now, held)
         self._tell(now)
         return more
 
@@ -164,7 +165,7 @@ class _Loop:
             dict(gate.refused),
         )
 
-    def _act(self, reading: Reading, now: int) -> bool:
+    def _act(self, reading: Reading, now: int, held: bool) -> bool:
         measured = reading.position
         if self._mode == "waiting":
             return True
@@ -174,6 +175,8 @@ class _Loop:
             self._bus.torque(True)
             self._command = measured
             self._trips.start(now)
+        elif held and self._mode == "following":
+            self._command = measured  # whoever moved it in the meantime is not fought: it eases from where it is
         if self._mode == "stopped":
             return False
         if reason := self._trips.reason(self._command - measured, reading, now):
@@ -185,8 +188,8 @@ class _Loop:
     def _move(self, command: Array, measured: Array, now: int) -> None:
         frame = self._frame if self._mode == "following" else None
         following = frame is not None
-        if frame is not None:
-            target = target_at(frame, self._receiver.gate.sender_ns(now))[self._columns]
+        if following:
+            target = self._receiver.buffer.target_at(self._receiver.gate.sender_ns(now))[self._columns]
         else:
             target = self._safe if self._mode == "safe" else command
         speed = self._limits.velocity if following and self._joined else self._ease

@@ -1,4 +1,4 @@
-"""From a frame to the next command: where the rig should be now, and the largest step that is allowed towards it."""
+"""The next command: the largest step that is allowed towards where the rig should be."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.bus import Array
-from drivers.frame import Frame
-
-NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -19,21 +16,6 @@ class Limits:
     lower: Array
     upper: Array
     velocity: Array
-
-
-def target_at(frame: Frame, sender_ns: int) -> Array:
-    """Joint angles (nj,) in rad that `frame` asks for at `sender_ns` on its sender's clock.
-
-    Linear between the samples of a block; the first before it is due; past the last, on with its velocity for at most
-    one period, since the next frame is on its way then.
-    """
-    last = len(frame.pos) - 1
-    at = max(0.0, (sender_ns - frame.due_ns) / frame.period_ns)
-    if at >= last:
-        ahead_s = min(at - last, 1.0) * frame.period_ns / NS
-        return (frame.pos[last] + frame.vel[last] * ahead_s).astype(float)
-    k = int(at)
-    return (frame.pos[k] + (frame.pos[k + 1] - frame.pos[k]) * (at - k)).astype(float)
 
 
 def step(command: Array, target: Array, limits: Limits, speed: Array, dt: float) -> tuple[Array, bool]:

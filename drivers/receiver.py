@@ -9,7 +9,8 @@ from types import TracebackType
 
 import zmq
 
-from drivers.endpoint import DEFAULT, endpoints
+from drivers.buffer import Buffer
+from drivers.endpoint import DEFAULT, StreamError, endpoints
 from drivers.frame import MAX_BYTES, Frame, FrameError
 from drivers.gate import Gate
 from drivers.keys import Keys, require_guarded
@@ -19,6 +20,7 @@ from drivers.roster import Roster
 from drivers.sockets import HELLO_QUEUE, LINGER_MS, Context, Curve, open_socket
 from drivers.watchdog import Patience, Watchdog
 
+FRAME_QUEUE = 64  # with a buffer: a third of a second at 200 Hz
 MOST_AT_ONCE = 8  # A flooded socket may not keep a control loop busy.
 TEND_EVERY_NS = 100_000_000
 
@@ -28,8 +30,10 @@ class Receiver:
 
     `gate` counts what was refused, `watchdog` knows the mode, `roster` what the rigs on this stream have told the
     publisher; `preview` is for what only draws (see `Gate`). `run`: 32 random bits, for the states that it sends.
-    With `keys` it follows the machine named `leader` alone, or the only one that may lead. Raises StreamError where the
-    address is no endpoint, or on another machine with neither `keys` nor `insecure`.
+    `buffer` says what the frames ask for; it plays them `buffer_s` s late and then takes every frame, not the newest
+    alone. With `keys` it follows the machine named `leader` alone, or the only one that may lead. Raises StreamError
+    where the address is no endpoint, or on another machine with neither `keys` nor `insecure`, and for a `buffer_s`
+    that is longer than the silence after which a rig holds.
     """
 
     def __init__(
@@ -39,11 +43,15 @@ class Receiver:
         rig_hash: int,
         preview: bool = False,
         patience: Patience | None = None,
+        buffer_s: float = 0.0,
         keys: Keys | None = None,
         leader: str = "",
         insecure: bool = False,
     ) -> None:
         patience = patience or Patience()
+        if not 0 <= buffer_s <= patience.hold_s:
+            raise StreamError(f"buffer {buffer_s:g} s; it must be in 0…{patience.hold_s:g}, after which a rig holds")
+        self.buffer = Buffer(buffer_s)
         self.gate = Gate(rig_hash, preview=preview, max_age_s=patience.hold_s)
         self.watchdog = Watchdog(patience)
         self.roster = Roster()
@@ -56,7 +64,7 @@ class Receiver:
         self._state: Line | None = None
         self._tend_ns = 0
         try:
-            self._frames = self._connect(zmq.SUB, self._at.frames, newest=True)
+            self._frames = self._connect(zmq.SUB, self._at.frames, newest=buffer_s == 0, queue=FRAME_QUEUE)
             self._hello = self._connect(zmq.SUB, self._at.hello, queue=HELLO_QUEUE)
             self._stop = self._connect(zmq.SUB, self._at.stop)
         except BaseException:
@@ -87,9 +95,10 @@ class Receiver:
                 else:
                     self.roster.note("", news, now_ns)
         frame = None
-        for data in self._waiting(self._frames):
+        for data in self._waiting(self._frames, FRAME_QUEUE):
             if (accepted := self.gate.check(data, now_ns)) is not None:
                 frame = accepted
+                self.buffer.put(frame)
                 self.watchdog.fresh(frame.state, now_ns)
         self.watchdog.update(now_ns)
         return frame
@@ -112,7 +121,7 @@ class Receiver:
         self.close()
 
     def _connect(self, kind: int, address: str, *, newest: bool = False, queue: int = 2) -> Line:
-        most, curve = MAX_BYTES if newest else MAX_MESSAGE_BYTES, self._curve
+        most, curve = MAX_BYTES if address == self._at.frames else MAX_MESSAGE_BYTES, self._curve
         socket = open_socket(
             self._context, kind, address, bind=False, max_bytes=most, newest=newest, queue=queue, curve=curve
         )
@@ -125,8 +134,8 @@ class Receiver:
                 if line is not None:
                     line.tend(now_ns)
 
-    def _waiting(self, line: Line) -> Iterator[bytes]:
-        for _ in range(MOST_AT_ONCE):
+    def _waiting(self, line: Line, most: int = MOST_AT_ONCE) -> Iterator[bytes]:
+        for _ in range(most):
             try:
                 yield line.socket.recv(zmq.NOBLOCK)
             except zmq.Again:

@@ -17,12 +17,15 @@ TICK_NS = 500_000_000
 
 @dataclass(frozen=True)
 class Replayed:
-    """What `replay` sent, and how many messages it left out since they were damaged when they were recorded."""
+    """What `replay` sent, how many messages it left out since they were damaged when they were recorded, and who or
+    which rig ended it before its time, and why; "" where none did.
+    """
 
     frames: int
     stops: int
     left_out: int
     heard: bool
+    ended: str = ""
 
 
 def replay(
@@ -38,6 +41,7 @@ def replay(
     streams: dict[int, int] = {}
     began = first = None
     frames = stops = left_out = 0
+    ended = ""
     for record in records:
         if began is None or first is None:
             began, first = clock.now_ns(), record.time_ns
@@ -57,4 +61,7 @@ def replay(
                 stops += 1
         except FrameError:
             left_out += 1
-    return Replayed(frames, stops, left_out, publisher.wait_for_subscriber(0) or heard)
+        publisher.states()
+        if not stops and (ended := publisher.ended()):
+            break
+    return Replayed(frames, stops, left_out, publisher.wait_for_subscriber(0) or heard, ended)

@@ -81,7 +81,7 @@ def deliver(take: Take, how: Delivery, times: Times, said: dict[str, Any]) -> in
         return 1
     if how.view != "none":
         watch(take, how.view)
-    return 0
+    return 1 if done["published"] and done["published"]["ended"] else 0
 
 
 def _write(take: Take, how: Delivery, times: Times) -> list[str]:
@@ -116,6 +116,8 @@ def _publish(take: Take, how: Delivery, times: Times) -> dict[str, Any] | None:
         )
     if not sent.heard:
         show.warn(f"nobody listened on {how.publish}; start `rigcast view` or `rigcast drive` first")
+    if sent.ended:
+        show.warn(f"the stream ended before its time: {sent.ended}")
     first_frame_s = sent.first_ns * 1e-9 - BEGAN
     facts = {k: v for k, v in asdict(sent).items() if k not in ("first_ns", "states")}
     return {"endpoint": how.publish, "report_id": report_id, "first_frame_s": first_frame_s, **facts}

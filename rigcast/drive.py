@@ -28,6 +28,7 @@ def drive(
     port: Annotated[str, arg(metavar="PORT")],
     rig: str = "puppet",
     endpoint: Annotated[str, arg(metavar="ENDPOINT")] = DEFAULT,
+    buffer: Annotated[float, arg(metavar="SECONDS")] = 0.0,
     leader: str = "",
     insecure: bool = False,
     json: bool = False,
@@ -40,6 +41,7 @@ def drive(
         port: Serial port of the servo bus, such as /dev/ttyUSB0, or "sim" for servos that are only computed.
         rig: Name of the rig that is on the bus, or path of its folder.
         endpoint: Where `say --publish` streams to.
+        buffer: Follow so much later, 0 to 0.3 s, for links on which frames come unevenly or are lost.
         leader: Name of the key that the rig follows (see `rigcast keys`); by default the only one that may lead.
         insecure: Follow a stream of another machine without keys: whoever is in that network can move the rig.
         json: Print one JSON document instead of a table.
@@ -51,7 +53,9 @@ def drive(
 
     body = load_rig(rig)
     keys = keys_for(endpoints(endpoint), insecure=insecure, leader=leader)
-    with Receiver(endpoint, rig_hash=body.hash, keys=keys, leader=leader, insecure=insecure) as receiver:
+    with Receiver(
+        endpoint, rig_hash=body.hash, buffer_s=buffer, keys=keys, leader=leader, insecure=insecure
+    ) as receiver:
         print(f"{rig} on {port} listens on {endpoint}", file=sys.stderr, flush=True)
         driven = run(body, receiver, bus_on(port, body), watch=_teller(receiver))
     if json:

@@ -87,15 +87,14 @@ def replay(
     recording = Recording(file)
     if publish is None and not out:
         raise StreamError("replay where to? say --publish ENDPOINT or --out FILE.mcap")
-    if publish is not None:
-        _publish(recording, publish, insecure)
+    ended = publish is not None and _publish(recording, publish, insecure)
     for path in out:
         with _new_file(path, recording.utc_ns, recording.monotonic_ns) as written:
             for each in recording:
                 written.write(each)
         print(f"wrote {path}")
     warn_of_lost(file, recording)
-    return 0
+    return 1 if ended else 0
 
 
 def warn_of_lost(path: Path, recording: Recording) -> None:
@@ -104,7 +103,8 @@ def warn_of_lost(path: Path, recording: Recording) -> None:
         show.warn(f"{path}: its last {recording.lost} bytes are cut off or damaged; what comes before them is whole")
 
 
-def _publish(recording: Recording, endpoint: str, insecure: bool) -> None:
+def _publish(recording: Recording, endpoint: str, insecure: bool) -> str:
+    """Why the stream ended before its time, "" where it did not."""
     from drivers.endpoint import endpoints
     from drivers.keys import keys_for
     from drivers.publisher import Publisher
@@ -117,6 +117,9 @@ def _publish(recording: Recording, endpoint: str, insecure: bool) -> None:
     if not done.heard:
         show.warn(f"nobody listened on {endpoint}; start `rigcast view` or `rigcast drive` first")
     print(f"{done.frames} frames and {done.stops} stops sent, {done.left_out} damaged ones left out")
+    if done.ended:
+        show.warn(f"the stream ended before its time: {done.ended}")
+    return done.ended
 
 
 def _new_file(path: Path, utc_ns: int, monotonic_ns: int) -> Recorder | McapRecorder:

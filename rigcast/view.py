@@ -77,15 +77,16 @@ def _show(body: Rig, poses: Poses, on: Literal["native", "web"], port: int, film
 def following(receiver: Receiver, clock: Callable[[], int] = time.monotonic_ns) -> Poses:
     """The newest pose on the wire (root position, root quaternion, joints); None until one came.
 
-    Warns of a publisher that cannot be followed.
+    Warns of a publisher that cannot be followed, and of a rig on the stream that is not well.
     """
     newest: Pose | None = None
-    tell_trouble = show.warner()
+    tell_trouble, tell_unwell = show.warner(), show.warner()
 
     def poses() -> Pose | None:
         nonlocal newest
         frame = receiver.poll(clock())
         tell_trouble(receiver.trouble)
+        tell_unwell(receiver.roster.unwell())
         newest = newest if frame is None else pose_due(frame, receiver.gate.sender_ns(clock()))
         return newest
 

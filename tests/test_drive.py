@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 from small_rig import REPORT, free_address, small_rig, swing
 
+from drivers.buffer import Buffer
 from drivers.bus import BusError
 from drivers.calibration import Calibration
 from drivers.drive import Settings, drive
 from drivers.emulation.emulator import Emulator
-from drivers.follow import Limits, step, target_at
+from drivers.follow import Limits, step
 from drivers.frame import UNCHECKED, Frame, State
 from drivers.publisher import Publisher, frames_of, hello_for, publish
 from drivers.receiver import Receiver
@@ -67,8 +68,12 @@ def test_a_block_is_interpolated_and_carried_on_for_one_period():
     unit = np.array([0.1, 0.2, -0.1])
     for periods, expected in ((-5, 0), (0, 0), (0.25, 0.25), (2.5, 2.5), (3, 3), (3.5, 3.5), (4, 4), (9, 4)):
         at = 1000 + int(periods * 20_000_000)
-        np.testing.assert_allclose(target_at(frame, at), unit * expected, atol=1e-6)
-    np.testing.assert_allclose(target_at(block(1), 1000 + 10_000_000), np.full(3, 0.01), atol=1e-6)
+        buffer = Buffer()
+        buffer.put(frame)
+        np.testing.assert_allclose(buffer.target_at(at), unit * expected, atol=1e-6)
+    buffer = Buffer()
+    buffer.put(block(1))
+    np.testing.assert_allclose(buffer.target_at(1000 + 10_000_000), np.full(3, 0.01), atol=1e-6)
 
 
 def test_a_step_is_held_to_speed_and_position():

@@ -44,7 +44,7 @@ class Cut(msgspec.Struct, frozen=True, tag=True):
 
 
 class Made(msgspec.Struct, frozen=True):
-    """What came of the request `number`. `path`: the trajectory, "" where none passed. `detail`: why it did not, or what
+    """What came of request `number`. `path`: the trajectory, "" where none passed. `detail`: why it did not, or what
     there is to say about it. Number 0 answers the setup.
     """
 
