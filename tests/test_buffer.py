@@ -27,9 +27,8 @@ FRAMES = [f for f in frames_of(swing(RIG, 2.0), RIG, REPORT, 1, 0) if f.state.na
 def played(delay_s: float, late_ms: float, lost: float) -> tuple[np.ndarray, np.ndarray]:
     """Targets of joint a every 7 ms, and what they should be: frames are up to `late_ms` late and a share is `lost`."""
     rng = random.Random(2)
-    comes = sorted(
-        (f.due_ns + int(rng.random() * late_ms * MS), f.seq) for f in FRAMES if rng.random() >= lost or not f.seq
-    )
+    kept = [f for f in FRAMES if rng.random() >= lost or not f.seq]
+    comes = sorted((f.due_ns + int(rng.random() * late_ms * MS), f.seq) for f in kept)
     newest, buffer, found, wanted = -1, Buffer(delay_s), [], []
     for now in range(400 * MS, 2000 * MS, 7 * MS):
         while comes and comes[0][0] <= now:
@@ -97,18 +96,18 @@ class FakeReceiver:
 
 
 class PushedBus(SimulatedBus):
-    """Somebody turns joint a to 1 rad once, while the rig holds; `written` is (seconds, command)."""
+    """Somebody keeps joint a at 1 rad while the rig holds; `written` is (seconds, command, mode)."""
 
     def __init__(self, receiver: FakeReceiver, clock: FakeClock) -> None:
         super().__init__(RIG, clock=clock)
         self._receiver, self._its_clock, self.written, self.pushed = receiver, clock, [], False
 
     def read(self):
-        reading = super().read()
-        if not self.pushed and self._receiver.watchdog.mode == "hold" and self._its_clock.ns > 100_900 * MS:
-            self.pushed, self.motors[0].angle = True, 1.0
-            return super().read()
-        return reading
+        if self._receiver.watchdog.mode == "hold" and self._its_clock.ns < 101_000 * MS:
+            self.pushed = True
+            self._advance()
+            self.motors[0].angle = 1.0
+        return super().read()
 
     def write(self, goal) -> None:
         self.written.append((self._its_clock.ns / 1e9 - 100, float(goal[0]), self._receiver.watchdog.mode))
@@ -121,9 +120,8 @@ def test_after_a_hold_it_eases_from_where_the_rig_really_is():
     bus = PushedBus(receiver, clock)
     drive(RIG, receiver, bus, Settings(ease_velocity=1.0, settle_s=0.1, following_error=2.0), clock=clock)
     assert bus.pushed
-    back = next(
-        k for k in range(1, len(bus.written)) if [w[2] for w in bus.written[k - 1 : k + 1]] == ["hold", "following"]
-    )
+    modes = [mode for _, _, mode in bus.written]
+    back = modes.index("following", modes.index("hold"))
     before, after = bus.written[back - 1][1], [w[1] for w in bus.written[back : back + 6]]
     measured = next(s for s in receiver.states if s.mode == "following" and s.time_ns / 1e9 - 100 > 0.9).position[0]
     assert abs(measured - before) > 0.3

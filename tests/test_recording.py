@@ -294,6 +294,12 @@ class Ear:
     def stop(self, reason: str) -> None:
         self.stopped.append((self.clock.ns, reason))
 
+    def states(self) -> list:
+        return []
+
+    def ended(self) -> str:
+        return ""
+
 
 def test_a_replay_keeps_the_times_the_gaps_and_the_stop_and_leaves_out_damage():
     hello, *rest = some_records()
