@@ -49,7 +49,7 @@ def serve(
         candidates: Motions drawn at most for a text, of which the one is kept that does what can be measured of it.
         rate: Frames a second on the wire, 1 to 1000.
         lease: How long a sender keeps the rig after its last motion.
-        metrics: Port on 127.0.0.1 for Prometheus; none by default.
+        metrics: Port on 127.0.0.1 for Prometheus, 0 for any; none by default.
         insecure: Stream without encryption and obey everybody, where other machines reach the endpoint.
     """
     from drivers.clock import MonotonicClock
@@ -75,7 +75,8 @@ def serve(
         where = None if model is None else str(model)
         page: list[str] = [""]
         if metrics is not None:
-            stack.enter_context(MetricsPage(metrics, lambda: page[0]))
+            port = stack.enter_context(MetricsPage(metrics, lambda: page[0])).port
+            print(f"figures at http://127.0.0.1:{port}/metrics", file=sys.stderr, flush=True)
         caught = stack.enter_context(caught_signals())
         cutter = stack.enter_context(closing(Workshop(Setup(rig, folder, where, mount))))
         maker = stack.enter_context(closing(Workshop(Setup(rig, folder, where, mount, generator, candidates))))
