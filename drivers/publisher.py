@@ -200,14 +200,11 @@ class Publisher:
 
 
 def require_free(address: str) -> None:
-    """Find out before any work that a publisher could not bind `address`; raises StreamError as it would.
-
-    An ipc path is not tried: binding one takes it away from whoever has it.
-    """
-    if (at := endpoints(address)).frames.startswith("tcp:"):
-        with zmq.Context() as context:
-            for each in (at.frames, at.hello, at.stop, at.state, at.control):
-                open_socket(context, zmq.PUB, each, bind=True, max_bytes=MAX_MESSAGE_BYTES).close(0)
+    """Find out before any work that a publisher could not bind `address`; raises StreamError as it would."""
+    at = endpoints(address)
+    with zmq.Context() as context:
+        for each in (at.frames, at.hello, at.stop, at.state, at.control):
+            open_socket(context, zmq.PUB, each, bind=True, max_bytes=MAX_MESSAGE_BYTES).close(0)
 
 
 @dataclass(frozen=True)

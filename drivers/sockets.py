@@ -5,6 +5,7 @@ The library's defaults are unsafe here: queues of 1000 messages, messages of any
 
 from __future__ import annotations
 
+import socket as plain_socket
 from dataclasses import dataclass
 
 import zmq
@@ -16,6 +17,7 @@ Context = zmq.Context[zmq.Socket[bytes]]
 Socket = zmq.Socket[bytes]
 
 HELLO_QUEUE = 64  # The hello socket carries what several rigs told, which comes in bursts.
+BUSY = "{} is busy: something else publishes there; choose another endpoint"
 LINGER_MS = 200  # Long enough for the last frame, or a stop, to leave before the process does.
 HANDSHAKE_MS = 5000
 
@@ -48,6 +50,8 @@ def open_socket(
     `newest` keeps one message only, else `queue` wait in each direction. Without `curve` nothing is encrypted.
     Raises StreamError where the address is in use or cannot be bound or reached.
     """
+    if bind and address.startswith("ipc://"):
+        _require_nobody(address)
     socket = context.socket(kind)
     socket.setsockopt(zmq.LINGER, LINGER_MS)
     socket.setsockopt(zmq.MAXMSGSIZE, max_bytes)
@@ -72,9 +76,19 @@ def open_socket(
     except zmq.ZMQError as error:
         socket.close(0)
         if error.errno == zmq.EADDRINUSE:
-            raise StreamError(f"{address} is busy: something else publishes there; choose another endpoint") from None
+            raise StreamError(BUSY.format(address)) from None
         raise StreamError(f"cannot {'bind' if bind else 'connect to'} {address}: {error.strerror}") from None
     return socket
+
+
+def _require_nobody(address: str) -> None:
+    """Raise StreamError where somebody listens on an ipc path: binding it would take it away without a word."""
+    with plain_socket.socket(plain_socket.AF_UNIX) as probe:
+        try:
+            probe.connect(address.removeprefix("ipc://"))
+        except OSError:
+            return
+    raise StreamError(BUSY.format(address))
 
 
 def _secure(socket: Socket, curve: Curve) -> None:

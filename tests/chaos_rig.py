@@ -9,6 +9,7 @@ import sys
 from small_rig import small_rig
 
 from drivers.drive import Settings, drive
+from drivers.frame import State
 from drivers.receiver import Receiver
 from drivers.simulated import SimulatedBus
 from drivers.watchdog import Patience
@@ -17,12 +18,12 @@ HOLD_S = 0.3
 
 
 class ToldReceiver(Receiver):
-    """Tells of each poll: when, the mode after it, and which frame was accepted."""
+    """Tells of each poll: when, the mode after it, and which frame to follow was accepted."""
 
     def poll(self, now_ns):
         frame = super().poll(now_ns)
         told = None
-        if frame is not None:
+        if frame is not None and frame.state == State.PLAY:
             told = [frame.stream, frame.seq, frame.capture_ns, float(frame.pos[0, 0])]
         tell(now=now_ns, mode=self.watchdog.mode, frame=told, refused=dict(self.gate.refused))
         return frame

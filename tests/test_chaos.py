@@ -37,8 +37,8 @@ publish(swing(small_rig(), 600), small_rig(), REPORT, sys.argv[1])
 
 
 @contextmanager
-def process(*command):
-    with subprocess.Popen([sys.executable, *command], cwd=TESTS.parent, env=ENVIRONMENT) as child:
+def process(*command, inside=()):
+    with subprocess.Popen([*inside, sys.executable, *command], cwd=TESTS.parent, env=ENVIRONMENT) as child:
         try:
             yield child
         finally:
@@ -46,8 +46,29 @@ def process(*command):
             child.kill()
 
 
-def publishing(address):
-    return process("-c", PUBLISHER, address)
+def publishing(address, inside=()):
+    return process("-c", PUBLISHER, address, inside=inside)
+
+
+@contextmanager
+def network():
+    """A network of its own with nothing in it but a loopback link: what to put before a command to run it there."""
+    try:
+        subprocess.run(["unshare", "-rn", "true"], check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("no right to make a network namespace here")
+    with subprocess.Popen(["unshare", "-rn", "sleep", "600"]) as keeper:
+        try:
+            ours = os.readlink("/proc/self/ns/net")
+            end = time.monotonic() + 20
+            while os.readlink(f"/proc/{keeper.pid}/ns/net") == ours:
+                assert time.monotonic() < end
+                time.sleep(0.01)
+            inside = ["nsenter", "-t", str(keeper.pid), "-U", "-n", "--preserve-credentials"]
+            subprocess.run([*inside, "ip", "link", "set", "lo", "up"], check=True)
+            yield inside
+        finally:
+            keeper.kill()
 
 
 class Account:
@@ -77,8 +98,8 @@ class Account:
 
 
 @contextmanager
-def rig(address, path, safe_s=FAR):
-    with process("tests/chaos_rig.py", address, str(path), str(safe_s)) as child:
+def rig(address, path, safe_s=FAR, inside=()):
+    with process("tests/chaos_rig.py", address, str(path), str(safe_s), inside=inside) as child:
         yield child, Account(path)
 
 
@@ -150,5 +171,34 @@ def test_over_a_bad_link_it_follows_what_is_good_and_holds_where_nothing_is(tmp_
         link.drop = 1.0  # the cable is cut
         account.wait_for_mode("hold")
         link.drop = 0.0
+        account.wait_for_mode("following", cycles=10)
+    check(account)
+
+
+def test_a_publisher_that_freezes_for_five_seconds_finds_its_rig_relaxed(tmp_path):
+    address = free_address()
+    with rig(address, tmp_path / "rig", safe_s=2.0) as (child, account), publishing(address) as publisher:
+        account.wait_for_mode("following", cycles=10)
+        publisher.send_signal(signal.SIGSTOP)
+        time.sleep(5.0)
+        publisher.send_signal(signal.SIGCONT)
+        assert child.wait(60) == 0
+    check(account)
+    last = account.lines[-1]
+    assert (last["ended"], last["torque"]) == ("safe", False)
+    assert [line["mode"] for line in account.cycles].count("hold") * CYCLE_S <= 2.0
+
+
+def test_a_link_that_is_cut_holds_the_rig_and_comes_back(tmp_path):
+    address = free_address()
+    with (
+        network() as inside,
+        rig(address, tmp_path / "rig", inside=inside) as (_, account),
+        publishing(address, inside),
+    ):
+        account.wait_for_mode("following", cycles=10)
+        subprocess.run([*inside, "ip", "link", "set", "lo", "down"], check=True)
+        account.wait_for_mode("hold", cycles=20)
+        subprocess.run([*inside, "ip", "link", "set", "lo", "up"], check=True)
         account.wait_for_mode("following", cycles=10)
     check(account)

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import os
 import random
+import socket
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import msgspec
 import pytest
 import zmq
 from small_rig import REPORT, free_address
-from test_security import DESK, MOVE, PI, RIG, STRANGER, knowing, pair, sending, sockets, until
+from tap import Tap
+from test_security import DESK, MOVE, PI, RIG, STRANGER, damaged, knowing, memory, pair, sending, sockets, until
 
 from drivers.caller import ControlLine
-from drivers.control import Look, Say, Status, Told
+from drivers.control import Look, Rest, Say, Status, Told, request_in
 from drivers.endpoint import StreamError, endpoints
+from drivers.frame import FrameError
 from drivers.messages import RigState, Stop, pack
 from drivers.publisher import MOST_REQUESTS_PER_S, publish
 from drivers.receiver import Receiver
+from drivers.sockets import Curve
 
 PHONE, SCREEN = pair(), pair()
 HOST = knowing(DESK, pi=(PI, "follow control"), phone=(PHONE, "say"), screen=(SCREEN, "follow"))
@@ -120,6 +125,65 @@ def test_noise_is_counted_and_a_flood_does_not_keep_a_stop_out():
         assert MOST_REQUESTS_PER_S <= len(heard) <= 2 * MOST_REQUESTS_PER_S  # it may have taken a moment
         mouth.send_multipart([good, good])
         until(lambda: send.publisher.requests() or send.publisher.refused["message"] == count + 1)
+
+
+def test_a_recording_of_a_prompt_says_nothing_again():
+    address = free_address()
+    port = int(endpoints(address).control.rpartition(":")[2])
+    with sending(HOST, address) as send, Tap(port) as tap:
+        curve = Curve(PHONE.secret, server=DESK.public)
+        with sockets((zmq.DEALER, f"tcp://127.0.0.1:{tap.port}", curve)) as [mouth]:
+            mouth.send(pack(Say("a", "wave")))
+            assert len(until(send.publisher.requests)) == 1
+            before = len(tap.heard[0])
+            mouth.send(pack(Say("b", "wave")))
+            assert len(until(send.publisher.requests)) == 1
+            said = b"".join(tap.heard[0][before:])
+            assert b"wave" not in b"".join(tap.heard[0])
+            tap.say(0, said)  # again, in the same connection: its nonce was used
+            with socket.create_connection(("127.0.0.1", port)) as again:  # and all of it, in a connection of its own
+                again.sendall(b"".join(tap.heard[0]))
+                until(lambda: send.publisher.refused["handshake"])
+            time.sleep(0.2)
+            assert send.publisher.requests() == []
+
+
+@pytest.mark.parametrize("message", [Say("a", "wave", 3.0, 1, 2.0), Rest("b", "me"), Look("c"), Stop("enough")])
+def test_damaged_requests_are_refused_or_still_are_what_they_say(message):
+    rng, good = random.Random(1), 0
+    for _ in range(2000):
+        with suppress(FrameError):
+            read = request_in(damaged(rng, pack(message)))
+            good += 1
+            assert request_in(pack(read)) == read
+    assert 0 < good < 1000
+
+
+def test_fuzzed_messages_are_counted_and_leave_nothing_behind():
+    address, rng, count = free_address(), random.Random(4), 20_000  # benchmarks/soak.py sends 10⁵
+    samples = [pack(m) for m in (Say("a", "wave"), Rest("b"), Look("c"))]
+    noise = [damaged(rng, rng.choice(samples)) for _ in range(5000)]
+    with sending(None, address) as send, sockets((zmq.DEALER, endpoints(address).control, None)) as [mouth]:
+        sent = taken = 0
+
+        def all_came():
+            nonlocal sent, taken
+            with suppress(zmq.Again):
+                for _ in range(500 if sent < count else 0):
+                    mouth.send(noise[sent % len(noise)], zmq.NOBLOCK)
+                    sent += 1
+            taken += len(send.publisher.requests())
+            refused = send.publisher.refused
+            return taken + refused["message"] + refused["rate"] == count
+
+        until(lambda: all_came() or sent > count // 10)
+        before, files = memory(), len(os.listdir("/proc/self/fd"))
+        until(all_came, 100.0)
+        assert send.publisher.refused["message"] > count // 2
+        assert memory() - before < 5e6
+        assert len(os.listdir("/proc/self/fd")) == files
+        mouth.send(pack(Stop("still here")))
+        until(lambda: send.publisher.requests() or send.publisher.stopped)
 
 
 def test_a_stream_without_a_service_ends_at_a_stop_and_at_a_rig_that_trips():

@@ -244,7 +244,7 @@ def test_a_message_of_a_gibibyte_is_cut_off_before_it_is_stored(keys):
     claim = b"\x06" + GIB if keys else READY_OF_A_PUB + b"\x02" + GIB  # as a command, or as a message after READY
     with sending(keys, address) as send:
         before = memory()
-        for where in ("frames", "hello", "stop", "state"):
+        for where in ("frames", "hello", "stop", "state", "control"):
             port = int(getattr(endpoints(address), where).rpartition(":")[2])
             with socket.create_connection(("127.0.0.1", port), timeout=20) as stranger:
                 with suppress(ConnectionError):  # it hangs up
@@ -253,7 +253,7 @@ def test_a_message_of_a_gibibyte_is_cut_off_before_it_is_stored(keys):
                         stranger.sendall(bytes(1 << 20))
                 assert memory() - before < 100e6
         if keys:
-            assert until(lambda: send.publisher.refused["handshake"] >= 4)
+            assert until(lambda: send.publisher.refused["handshake"] >= 5)
         with Receiver(address, rig_hash=RIG.hash, keys=keys and PI) as receiver:
             until(lambda: follows(send, receiver))
 

@@ -9,7 +9,7 @@ import zmq
 from small_rig import REPORT, free_address, small_rig, swing
 
 from drivers.endpoint import StreamError, endpoints
-from drivers.frame import UNCHECKED, Frame, State, encode
+from drivers.frame import UNCHECKED, Clock, Frame, State, encode
 from drivers.gate import Gate
 from drivers.messages import RigState
 from drivers.publisher import Publisher, frames_of, hello_for, publish, require_free
@@ -80,8 +80,9 @@ def test_a_wrong_endpoint_is_one_clear_line(address):
     assert "\n" not in str(caught.value)
 
 
-def test_a_busy_port_is_one_clear_line():
-    address, trajectory = free_address(), swing(RIG)
+@pytest.mark.parametrize("kind", ["tcp", "ipc"])
+def test_of_two_publishers_on_one_endpoint_the_second_is_refused(kind, tmp_path):
+    address, trajectory = free_address() if kind == "tcp" else f"ipc://{tmp_path}/s", swing(RIG)
     hello = hello_for(trajectory, RIG, REPORT, 1)
     require_free(address)
     with Publisher(hello, address), pytest.raises(StreamError, match="is busy"):
@@ -141,6 +142,17 @@ def test_a_frame_whose_time_is_past_is_stale():
     gate.check(encode(a_frame(0, S)), S)
     assert gate.check(encode(a_frame(1, 2 * S, due_ns=S)), 2 * S) is None
     assert gate.refused == {"stale": 1}
+
+
+@pytest.mark.parametrize("step_s", [-3600, -10, 10, 3600])
+def test_a_sender_whose_clock_steps_is_never_followed_back_in_time(step_s):
+    gate, accepted = Gate(RIG.hash), []
+    for k in range(200):  # the clock steps after 2 s, as UTC may
+        sent = 5000 * S + k * 20 * MS + (step_s * S if k >= 100 else 0)
+        accepted.append(gate.check(encode(a_frame(k, sent, clock=Clock.UTC)), 100 * S + k * 20 * MS) is not None)
+    assert all(accepted[:100])
+    assert all(accepted[100:]) if step_s > 0 else not any(accepted[100:])  # the rig holds, goes safe, and relaxes
+    assert set(gate.refused) <= {"stale"}
 
 
 def test_slow_drift_of_the_clocks_is_followed():
