@@ -17,6 +17,7 @@ VERBS = {
     "serve": ("rigcast.serve:serve", "the live service: an idle rig that does what is sent to it"),
     "send": ("rigcast.send:send", "tell a service what to do next, or any stream to stop"),
     "view": ("rigcast.view:view", "preview what is on the wire, or what was"),
+    "bridge": ("rigcast.bridge:bridge", "a stream in the forms of others: lines of JSON, GEAR-SONIC"),
     "relay": ("rigcast.relay:relay", "pass a stream on, to other networks or many receivers"),
     "record": ("rigcast.record:record", "write what is on the wire to a file"),
     "replay": ("rigcast.record:replay", "stream a recording again, or write it as MCAP"),

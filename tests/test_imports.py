@@ -43,6 +43,9 @@ VERBS = (
     "evaluate",
     "listing",
     "rigs",
+    "serve",
+    "send",
+    "bridge",
     "train",
     "watching",
 )
