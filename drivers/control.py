@@ -16,6 +16,7 @@ MOST_TEXT = 1000
 MOST_WAITING = 64
 
 Id = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
+Name = Annotated[str, msgspec.Meta(max_length=64, pattern=r"\A[\w.@-]*\Z")]  # of a sender: it is shown to others
 Event = Literal[
     "refused", "queued", "making", "ready", "rejected", "playing", "played", "dropped", "stopped", "resting"
 ]
@@ -35,21 +36,21 @@ class Say(msgspec.Struct, frozen=True, tag="rigcast.say.1", tag_field="type"):
     seed: Annotated[int, msgspec.Meta(ge=0, lt=1 << 62)] = 0
     guidance: Annotated[float, msgspec.Meta(ge=-100, le=100)] | None = None
     replace: bool = False
-    sender: Text = ""
+    sender: Name = ""
 
 
 class Rest(msgspec.Struct, frozen=True, tag="rigcast.rest.1", tag_field="type"):
     """Forget what waits, lead what plays back to rest and stay in the idle motion."""
 
     id: Id
-    sender: Text = ""
+    sender: Name = ""
 
 
 class Look(msgspec.Struct, frozen=True, tag="rigcast.look.1", tag_field="type"):
     """Tell me how things stand; answered with a `Status`."""
 
     id: Id
-    sender: Text = ""
+    sender: Name = ""
 
 
 class Figure(msgspec.Struct, frozen=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import json as json_text
+import re
 import secrets
 import sys
 from typing import TYPE_CHECKING, Annotated
@@ -88,12 +89,20 @@ def _request(
     from drivers.messages import Stop
     from motiongen.generator import check_prompt
 
-    id, who = secrets.token_hex(8), getpass.getuser()
+    id, who = secrets.token_hex(8), _who()
     if text is not None:
         return Say(id, check_prompt(text, seconds), seconds, seed, guidance, replace, who)
     if stop:
         return Stop(f"{who} said stop")
     return Rest(id, who) if idle else Look(id, who)
+
+
+def _who() -> str:
+    """This user's name, in the letters that a service takes; "somebody" where it has none."""
+    try:
+        return re.sub(r"[^\w.@-]", "_", getpass.getuser())[:64]
+    except (KeyError, OSError):  # as in a container
+        return "somebody"
 
 
 def _code(answer: Answer, no_wait: bool) -> int | None:
@@ -132,9 +141,11 @@ def _show_status(status: Status) -> None:
     print(f"{status.rig} ({status.generator}): {status.mode}" + (f": {what}" if what else ""))
     print(f"waiting: {', '.join(map(repr, status.waiting)) or 'nothing'}; owner: {status.owner or 'nobody'}")
     if status.rigs:
+        from rich.markup import escape
+
         table = show.new_table("rig", "key", "mode", "heard", "clock", title="rigs that follow")
         for rig in status.rigs:
             mode = f"{rig.mode}: {rig.reason}" if rig.reason else rig.mode
             clock = f"{rig.clock_s * 1e3:+.1f} ± {rig.clock_error_s * 1e3:.1f} ms" if rig.clock_error_s < 1e6 else "–"
-            table.add_row(rig.rig, rig.sender or "–", mode, f"{rig.age_s:.1f} s ago", clock)
+            table.add_row(escape(rig.rig), rig.sender or "–", escape(mode), f"{rig.age_s:.1f} s ago", clock)
         show.console().print(table)

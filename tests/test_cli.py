@@ -91,19 +91,19 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def free_endpoint() -> str:
-    """A TCP endpoint whose four ports are free just now."""
+    """A TCP endpoint whose five ports are free just now."""
     for _ in range(50):
         with socket.socket() as first:
             first.bind(("127.0.0.1", 0))
             port = first.getsockname()[1]
         try:
-            rest = [socket.create_server(("127.0.0.1", port + k)) for k in range(4)]
+            rest = [socket.create_server(("127.0.0.1", port + k)) for k in range(5)]
         except OSError:
             continue
         for each in rest:
             each.close()
         return f"tcp://127.0.0.1:{port}"
-    raise RuntimeError("no four free ports in a row")
+    raise RuntimeError("no five free ports in a row")
 
 
 def one_line(capsys: pytest.CaptureFixture[str]) -> str:

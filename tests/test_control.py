@@ -49,7 +49,7 @@ def test_a_key_that_may_say_is_heard_by_name_and_others_are_told_why_not():
     address = free_address()
     with sending(HOST, address) as send, lines(address, PHONE, SCREEN, PI) as (phone, screen, pi):
         for line, id in ((phone, "p"), (screen, "s"), (pi, "r")):
-            line.ask(Say(id, "wave", sender="I am the owner"))
+            line.ask(Say(id, "wave", sender="owner"))
         heard, told = [], []
 
         def all_spoke():

@@ -375,7 +375,9 @@ def test_a_maker_that_dies_is_started_anew_and_one_that_hangs_is_ended() -> None
         workshop.close()
 
 
-@pytest.mark.parametrize("change", [{"id": ""}, {"text": "x" * 1001}, {"seconds": -1.0}, {"seed": -1}])
+@pytest.mark.parametrize(
+    "change", [{"id": ""}, {"text": "x" * 1001}, {"seconds": -1.0}, {"seed": -1}, {"sender": "\x1b[2J"}]
+)
 def test_a_request_out_of_range_is_refused(change: dict) -> None:
     from drivers.control import request_in
     from drivers.frame import FrameError
