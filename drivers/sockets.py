@@ -50,7 +50,7 @@ def open_socket(
     `newest` keeps one message only, else `queue` wait in each direction. Without `curve` nothing is encrypted.
     Raises StreamError where the address is in use or cannot be bound or reached.
     """
-    if bind and address.startswith("ipc://"):
+    if bind and address.startswith("ipc://") and hasattr(plain_socket, "AF_UNIX"):
         _require_nobody(address)
     socket = context.socket(kind)
     socket.setsockopt(zmq.LINGER, LINGER_MS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
@@ -82,7 +83,8 @@ class Workshop:
     def _start(self) -> None:
         pipe = subprocess.PIPE
         # A group of its own: Ctrl-C is for the service, which then ends the maker.
-        self._process = subprocess.Popen(self._command, stdin=pipe, stdout=pipe, bufsize=0, process_group=0)
+        group = 0 if os.name == "posix" else None
+        self._process = subprocess.Popen(self._command, stdin=pipe, stdout=pipe, bufsize=0, process_group=group)
         self._lines, self._asked_s = SimpleQueue(), self._now_s()
         self.starts += 1
         stdin, stdout = self._process.stdin, self._process.stdout
