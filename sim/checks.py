@@ -6,14 +6,20 @@ import hashlib
 
 from retarget.rig import Mount, Rig
 from retarget.trajectory import Trajectory
+from sim.balance import balance
 from sim.commanded import COMMANDED
+from sim.drives import DRIVES
 from sim.evidence import Evidence
 from sim.geometry import measure
 from sim.physical import PHYSICAL
+from sim.pinch import pinch
 from sim.report import Report
 from sim.scene import build_scene
 from sim.simulate import Rollout, require_fit, run
+from sim.standing import STANDING
 from sim.thresholds import THRESHOLDS
+
+CHECKS = (*COMMANDED, *STANDING, *PHYSICAL, *DRIVES, pinch)
 
 
 def judge(trajectory: Trajectory, rig: Rig, *, mount: Mount | None = None) -> tuple[Report, Rollout]:
@@ -26,8 +32,9 @@ def judge(trajectory: Trajectory, rig: Rig, *, mount: Mount | None = None) -> tu
     scene = build_scene(rig, held, trajectory.qpos[0])
     asked = measure(scene, trajectory.qpos)
     rollout = run(scene, trajectory)
-    evidence = Evidence(trajectory, rig, held, rollout, asked, measure(scene, rollout.qpos))
-    checks = tuple(check(evidence) for check in (*COMMANDED, *PHYSICAL))
+    stands = balance(scene, trajectory) if held == "free" and rig.feet else None
+    evidence = Evidence(trajectory, scene, rollout, asked, measure(scene, rollout.qpos), stands)
+    checks = tuple(check(evidence) for check in CHECKS)
     report = Report(
         ok=all(c.ok for c in checks),
         report_id=report_id(trajectory, rig, held),
@@ -48,5 +55,5 @@ def check(trajectory: Trajectory, rig: Rig, *, mount: Mount | None = None) -> Re
 def report_id(trajectory: Trajectory, rig: Rig, mount: Mount) -> str:
     """16 hex digits over everything that the verdict depends on: frames, rate, rig, servos, mount and thresholds."""
     digest = hashlib.sha256(trajectory.qpos.astype("<f8").tobytes())
-    digest.update(f"{trajectory.fps!r};{rig.joints!r};{rig.sensors!r};{mount};{THRESHOLDS!r}".encode())
+    digest.update(f"{trajectory.fps!r};{rig.joints!r};{rig.servos!r};{rig.power!r};{rig.sensors!r};{mount};{THRESHOLDS!r}".encode())
     return digest.hexdigest()[:16]
