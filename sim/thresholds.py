@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from retarget.rig import Rig
 
+PASS_RATE = 0.9  # of disturbed trials: one in ten may be the push that nobody withstands
 HUMAN_ROOT_HEIGHT = 0.93  # m, pelvis of a standing adult: a rig of this size has size 1
 
 
