@@ -89,7 +89,7 @@ def margin(at: Array, ground: Support) -> Array:
     NaN in frames without support or without point.
     """
     p, on = ground.points, ground.on
-    nearest = np.where(on, np.linalg.norm(p - at[:, None], axis=2), np.inf).min(1, initial=np.inf)
+    nearest = np.full(len(at), np.inf)
     inside, has_area = np.ones(len(at), bool), np.zeros(len(at), bool)
     slack = 1e-12  # m², so that rounding does not take an edge for a chord
     for i, j in permutations(range(p.shape[1]), 2):
@@ -104,6 +104,8 @@ def margin(at: Array, ground: Support) -> Array:
         nearest = np.where(edge, np.minimum(nearest, distance), nearest)
         inside &= ~edge | (_cross(along, offset) >= 0)
         has_area |= edge & (on & (side > slack)).any(1)
+    point = np.where(on, np.linalg.norm(p - at[:, None], axis=2), np.inf).min(1, initial=np.inf)
+    nearest = np.where(np.isfinite(nearest), nearest, point)  # all carrying points are one
     signed = np.where(inside & has_area, nearest, -nearest)
     return np.where(on.any(1) & np.isfinite(at).all(1), signed, np.nan)
 
