@@ -22,9 +22,14 @@ FLOOR = "floor"
 FRICTION = 0.8  # rubber sole on wood or short carpet
 GAIN, DAMPING, DRIVE = 4, 6, 7  # columns of a motor's gainprm: kp, kv, and the voltage that its supply has
 PLAY = "{}_play"  # the joint between the gears' stops
-# A limb that is free between the stops is still in grease, and its share of the last gear turns with it.
-PLAY_DAMPING = 0.01  # of the servo's torque over its speed
-PLAY_INERTIA = 0.02  # of the rotor's
+# Estimates: a limb that is free between the stops is still in grease, and the last gear turns with it.
+PLAY_DAMPING = 0.01  # of the servo's stall torque over its no-load speed
+PLAY_INERTIA = 5e-5  # kg·m² for every N·m of stall torque
+ROTOR_INERTIA = 3e-3  # the same of a rotor behind its gears, where the model has none: stops are as stiff as it is heavy
+# MuJoCo's constraints give way a little: the stops' in two time steps, and friction creeps ten times less than by
+# default.
+STOPS = (2 * TIMESTEP, 1.0)
+STICKING = (0.99, 0.99, 0.001, 0.5, 2.0)
 
 
 @dataclass(frozen=True)
@@ -150,10 +155,11 @@ def _fit_servo(spec: mujoco.MjSpec, rig: Rig, servo: Servo, play: bool) -> None:
     gain[DRIVE] = drive
     motor.gainprm = gain
     motor.forcerange = drive * motor.forcerange
-    hinge.frictionloss = servo.model.friction
+    hinge.frictionloss, hinge.solimp_friction = servo.model.friction, STICKING
     if play and servo.model.play:
         unit = math.degrees(1) if spec.compiler.degree else 1.0
         half = 0.5 * servo.model.play * unit
+        hinge.armature = hinge.armature or ROTOR_INERTIA * servo.model.stall_torque
         hinge.parent.add_joint(
             name=PLAY.format(servo.joint),
             type=mujoco.mjtJoint.mjJNT_HINGE,
@@ -161,8 +167,9 @@ def _fit_servo(spec: mujoco.MjSpec, rig: Rig, servo: Servo, play: bool) -> None:
             pos=hinge.pos,
             limited=True,
             range=[-half, half],
-            armature=PLAY_INERTIA * hinge.armature,
+            armature=PLAY_INERTIA * servo.model.stall_torque,
             damping=[PLAY_DAMPING * servo.model.stall_torque / servo.model.no_load_speed, 0, 0],
             frictionloss=0.0,
+            solref_limit=STOPS,
             stiffness=[0.0, 0.0, 0.0],
         )
