@@ -251,7 +251,9 @@ def _rig(folder: Path, t: Table) -> Rig:
         nominal=t.table("nominal", partial(_pose, joints)),
         safe=t.table("safe", partial(_pose, joints)),
         sensors=t.table("sensors", lambda s: Sensors(s.flag("encoders"), s.flag("imu"), s.number("delay"))),
-        power=t.table("power", lambda p: Power(p.number("voltage", positive=True), p.number("current", positive=True)), None),
+        power=t.table(
+            "power", lambda p: Power(p.number("voltage", positive=True), p.number("current", positive=True)), None
+        ),
         buses=buses,
         servos=servos,
         damping=t.number("damping") if "damping" in t.data else None,

@@ -29,7 +29,7 @@ class Balance:
 def balance(scene: Scene, trajectory: Trajectory) -> Balance:
     """The balance of `trajectory` on `scene`. Raises ValueError on a stand, see `dynamics`."""
     moves = dynamics(scene, trajectory.qpos, trajectory.fps)
-    ground = support(scene, moves, trajectory.fps, trajectory.contacts)
+    ground = support(scene, moves, trajectory.contacts)
     return Balance(
         moves=moves,
         ground=ground,

@@ -62,5 +62,7 @@ def check(trajectory: Trajectory, rig: Rig, *, mount: Mount | None = None) -> Re
 def report_id(trajectory: Trajectory, rig: Rig, mount: Mount) -> str:
     """16 hex digits over everything that the verdict depends on: frames, rate, rig, servos, mount and thresholds."""
     digest = hashlib.sha256(trajectory.qpos.astype("<f8").tobytes())
-    digest.update(f"{trajectory.fps!r};{rig.joints!r};{rig.servos!r};{rig.power!r};{rig.sensors!r};{mount};{THRESHOLDS!r}".encode())
+    digest.update(
+        f"{trajectory.fps!r};{rig.joints!r};{rig.servos!r};{rig.power!r};{rig.sensors!r};{mount};{THRESHOLDS!r}".encode()
+    )
     return digest.hexdigest()[:16]

@@ -76,4 +76,3 @@ def harness_path(trajectory: Trajectory, at: Array) -> Array:
     high, u = np.minimum(low + 1, last), at - low
     pos = trajectory.root_pos[low] + u[:, None] * (trajectory.root_pos[high] - trajectory.root_pos[low])
     return np.hstack([pos, slerp(trajectory.root_quat[low], trajectory.root_quat[high], u)])
-

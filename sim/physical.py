@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from retarget.contacts import runs
 from sim.evidence import Array, Evidence, not_here, peak, verdict
 from sim.report import Check
+from sim.support import NEAR
 from sim.thresholds import limit_for, rig_size
 
 CLEAR = 0.02  # m at human size: a sole that is to be higher is clear of the floor; swinging toes pass at 2 cm
@@ -65,7 +66,7 @@ def skate_ratio(e: Evidence) -> Check:
 
 
 def contact_timing(e: Evidence) -> Check:
-    """Longest time (s) for which a foot does not touch the floor while the motion says that it stands, or the reverse.
+    """Longest time (s) for which a foot misses the floor, by 5 mm × size, that the motion says it stands on, or the reverse.
 
     The reverse is a foot that touches while its lowest point is asked to be clear of the floor; in between, where a
     heel lifts or a toe comes down, either may be.
@@ -74,10 +75,13 @@ def contact_timing(e: Evidence) -> Check:
         return not_here(e, "contact_timing")
     longest = (0.0, 0, "", "")
     for name, sole in e.asked.soles.items():
-        touches = e.done.touching[name]
+        touches, missed = e.done.touching[name], e.done.soles[name][..., 2].min(1) > NEAR * rig_size(e.rig)
         stands = e.trajectory.contacts.get(name, np.zeros(len(touches), bool))
         clear = ~stands & (sole[..., 2].min(1) > CLEAR * rig_size(e.rig))
-        for wrong, says in ((stands & ~touches, "is in the air where it should stand"), (clear & touches, "drags")):
+        for wrong, says in (
+            (stands & ~touches & missed, "is in the air where it should stand"),
+            (clear & touches, "drags"),
+        ):
             for start, end in runs(wrong):
                 longest = max(longest, ((end - start) / e.trajectory.fps, start, name, says))
     length, start, foot, says = longest

@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import numpy as np
 
+from retarget.contacts import runs
 from sim.evidence import Array, Evidence, not_here, verdict
 from sim.report import Check
 from sim.thresholds import rig_size
 
-AT_REST = 0.05  # m/s at human size: slower than this a centre of mass must be above its support
+AT_REST = 0.05  # m/s at human size: slower than this a centre of mass rests
 NOTHING = 1e-6  # weights: what the solver leaves
 SUSTAINED = 95  # percentile over time: what is above it is shorter than a servo can follow
 
 
 def com_outside(e: Evidence) -> Check:
-    """How far (m) the centre of mass is outside the support polygon while it is at rest, at most."""
+    """How far (m) the centre of mass is outside the support polygon while it rests there, at most.
+
+    It rests where it is slow for as long as an upside-down pendulum of the root's height needs to fall, √(h/g): an
+    instant of it is the turning point of a sway.
+    """
     if e.balance is None:
         return not_here(e, "com_outside")
-    still = e.balance.moves.com_speed < AT_REST * rig_size(e.rig)
-    outside = np.where(still, _outside(e.balance.com_margin), 0.0)
-    frame = int(np.argmax(outside))
-    if outside[frame] == 0:
+    outside = _outside(e.balance.com_margin)
+    slow = e.balance.moves.com_speed < AT_REST * rig_size(e.rig)
+    falling = np.sqrt(e.rig.nominal.height / np.linalg.norm(e.scene.model.opt.gravity))
+    rests = np.zeros(len(slow), bool)
+    for start, end in runs(slow & (outside > 0)):
+        rests[start:end] = (end - start) / e.trajectory.fps >= falling
+    frame = int(np.argmax(np.where(rests, outside, 0.0)))
+    if not rests[frame]:
         return verdict(e, "com_outside", 0.0, None, "The centre of mass rests over the feet", "")
     at = e.seconds(frame)
     found = f"The centre of mass rests {outside[frame] * 1000:.0f} mm beside the feet at {at:.2f} s"
@@ -59,7 +68,6 @@ def residual_wrench(e: Evidence) -> Check:
     return verdict(
         e, "residual_wrench", np.percentile(size, SUSTAINED), at, found, "keep the weight over the feet and move slower"
     )
-
 
 
 def _outside(margin: Array) -> Array:

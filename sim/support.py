@@ -15,11 +15,9 @@ from sim.dynamics import Array, Dynamics
 from sim.scene import FLOOR, FRICTION, Scene
 from sim.thresholds import rig_size
 
-# Lengths and speeds at human size. A point of a sole carries while it is this near the floor and this slow, so that a
-# foot that swings low over the floor does not; where none is slow, those that slide on the floor carry. A foot that the
-# motion says stands carries with its whole sole.
-NEAR = 0.010  # m
-SLOW = 0.15  # m/s, the speed of the contact label
+# Lengths at human size. A point of a sole carries while it is this near the floor, also where it slides; a foot that
+# the motion says stands carries with its whole sole. Swinging feet pass higher, see `retarget.feet.CLEARANCE`.
+NEAR = 0.005  # m
 RELIEF = 0.010  # m above its lowest point that a sole may be and still be sole
 EDGES = 8  # of the pyramid inside the cone of friction: at most 8 % narrower than the cone
 
@@ -64,23 +62,20 @@ def find_soles(scene: Scene) -> dict[str, Array]:
     return soles
 
 
-def support(scene: Scene, moves: Dynamics, fps: float, contacts: dict[str, NDArray[np.bool_]]) -> Support:
+def support(scene: Scene, moves: Dynamics, contacts: dict[str, NDArray[np.bool_]]) -> Support:
     """Which points of the soles carry in each frame.
 
-    `contacts`: foot name → (T,) booleans, feet that the motion says stand; see NEAR and SLOW for all others. Raises
-    ValueError as `find_soles` does.
+    `contacts`: foot name → (T,) booleans, feet that the motion says stand; see NEAR for all others. Raises ValueError
+    as `find_soles` does.
     """
-    size, frames = rig_size(scene.rig), len(moves.com)
-    points, slow, low = [np.empty((frames, 0, 2))], [np.zeros((frames, 0), bool)], [np.zeros((frames, 0), bool)]
+    frames = len(moves.com)
+    points, on = [np.empty((frames, 0, 2))], [np.zeros((frames, 0), bool)]
     for i, (name, sole) in enumerate(find_soles(scene).items()):
         at = sole @ np.swapaxes(moves.foot_mat[:, i], 1, 2) + moves.foot_pos[:, i, None]
-        speed = np.linalg.norm(np.gradient(at, 1 / fps, axis=0), axis=2) if frames > 1 else np.zeros(at.shape[:2])
-        near, told = at[..., 2] < NEAR * size, contacts.get(name, np.zeros(frames, bool))[:, None]
+        told = contacts.get(name, np.zeros(frames, bool))
         points.append(at[..., :2])
-        slow.append(near & (speed < SLOW * size) | told)
-        low.append(near | told)
-    stands, slides = np.concatenate(slow, axis=1), np.concatenate(low, axis=1)
-    return Support(np.concatenate(points, axis=1), np.where(stands.any(1, keepdims=True), stands, slides))
+        on.append((at[..., 2] < NEAR * rig_size(scene.rig)) | told[:, None])
+    return Support(np.concatenate(points, axis=1), np.concatenate(on, axis=1))
 
 
 def margin(at: Array, ground: Support) -> Array:
