@@ -15,8 +15,8 @@ class Balance:
     """T frames of a motion on a rig that nothing holds.
 
     `zmp_margin` and `com_margin` (T,) m: how far the zero-moment point and the centre of mass are inside the support
-    polygon, negative outside, NaN in flight. `residual` (T, 6) N and N·m about the centre of mass: the help from outside
-    that the motion needs.
+    polygon, negative outside, NaN in flight. `residual` (T, 6) N and N·m about the centre of mass: the help from
+    outside that the motion needs.
     """
 
     moves: Dynamics

@@ -1,8 +1,8 @@
 """What a motion asks of the ground, whatever the servos do: centre of mass, needed force, zero-moment point.
 
-Newton and Euler for the whole rig: the world must supply `f = d(mv)/dt − m g` and, about the origin, `n = dL/dt − c × m g`,
-with m v and L the momentum and angular momentum of all parts and c their centre of mass. MuJoCo's recursion
-(`mj_rne`) gives both as the wrench on the root, without any joint torque entering.
+Newton and Euler for the whole rig: the world must supply `f = d(mv)/dt − m g` and, about the origin,
+`n = dL/dt − c × m g`, with m v and L the momentum and angular momentum of all parts and c their centre of mass. MuJoCo's
+recursion (`mj_rne`) gives both as the wrench on the root, without any joint torque entering.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ def rates(qpos: Array, fps: float) -> tuple[Array, Array]:
 def zero_moment_point(force: Array, moment: Array, least: float) -> Array:
     """(T, 2) metres: where on the floor the ground's `force` (T, 3) would give `moment` (T, 3) about the origin.
 
-    p = (−n_y, n_x) / f_z on z = 0 (Vukobratović and Borovac 2004), where the floor's horizontal moment is nil. NaN where
-    f_z is under `least` N.
+    p = (−n_y, n_x) / f_z on z = 0 (Vukobratović and Borovac 2004), where the floor's horizontal moment is nil. NaN
+    where f_z is under `least` N.
     """
     up = np.where(force[:, 2] > least, force[:, 2], np.nan)
     return np.stack([-moment[:, 1], moment[:, 0]], axis=1) / up[:, None]

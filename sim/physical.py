@@ -66,7 +66,7 @@ def skate_ratio(e: Evidence) -> Check:
 
 
 def contact_timing(e: Evidence) -> Check:
-    """Longest time (s) for which a foot misses the floor, by 5 mm × size, that the motion says it stands on, or the reverse.
+    """Longest time (s) for which a foot misses, by 5 mm × size, the floor that it should stand on, or the reverse.
 
     The reverse is a foot that touches while its lowest point is asked to be clear of the floor; in between, where a
     heel lifts or a toe comes down, either may be.

@@ -134,8 +134,8 @@ def add_floor(spec: mujoco.MjSpec) -> mujoco.MjsGeom:
 def _add_motor(spec: mujoco.MjSpec, joint: Joint) -> None:
     """A DC motor under a position controller: `kp · error − kv · ω`, as far as its voltage drives that.
 
-    Forward it gives at most `torque · (1 − |ω| / no_load_speed)`, backward at most `torque`: MuJoCo's model of a motor of
-    resistance R and constant K, in units of its rated voltage.
+    Forward it gives at most `torque · (1 − |ω| / no_load_speed)`, backward at most `torque`: MuJoCo's model of a motor
+    of resistance R and constant K, in units of its rated voltage.
     """
     motor = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     constant = 1.0 / joint.no_load_speed  # V·s/rad at 1 V

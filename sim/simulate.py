@@ -53,9 +53,9 @@ class Rollout:
     """What physics made of a trajectory; row k is the end of the time for which frame k was held.
 
     `time` (T,) seconds since frame 0 was captured, so with the rig's delay in it. `qpos` (T, 7 + nj) as in
-    Trajectory. `torque` (T, nj) N·m that the servos gave. Over the hold of each frame, (T, nj): `saturated`, share of it
-    that each servo spent at its torque limit; `torque_squared`, mean in N²m²; `drive`, mean power in W that it gave to the
-    joint, braking not counted. `harness` (T, 3): force of the harness on the root in N, world axes; zero on other
+    Trajectory. `torque` (T, nj) N·m that the servos gave. Over the hold of each frame, (T, nj): `saturated`, share of
+    it that each servo spent at its torque limit; `torque_squared`, mean in N²m²; `drive`, mean power in W that it gave
+    to the joint, braking not counted. `harness` (T, 3): force of the harness on the root in N, world axes; zero on other
     mounts. `weight` N of the whole rig. After a `breakdown` the rows repeat the last good one.
     """
 
@@ -201,7 +201,7 @@ class _Holds:
         self.broken: float | None = None
 
     def add(self, first: int, ends: NDArray[np.int_], before: Array, states: Array, forces: Array) -> None:
-        """The frames from `first` on, which end after `ends` (F,) of these steps; `before` is the state ahead of them."""
+        """The frames from `first` on, which end after `ends` (F,) of these steps; `before`: the state ahead of them."""
         rows = slice(first, first + len(ends))
         if self.broken is not None:
             self.qpos[rows] = self.qpos[first - 1] if first else before[1 : 1 + self.nq]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -32,8 +31,8 @@ def run_trials(
 ) -> Trials:
     """How many of `count` trials pass every check on what physics made of `trajectory`.
 
-    `scene` is the rig as it is written down, and `asked` the geometry of the trajectory on it. In a trial the gears have
-    play, and what `variant` and `any_push` change is drawn from `seed`; trial i is the same whatever `count` and
+    `scene` is the rig as it is written down, and `asked` the geometry of the trajectory on it. In a trial the gears
+    have play, and what `variant` and `any_push` change is drawn from `seed`; trial i is the same whatever `count` and
     `threads` are. Raises ValueError for less than one trial or thread.
     """
     if count < 1 or threads < 1:
