@@ -29,8 +29,8 @@ def judge(
     """The report on `trajectory`, and the nominal rollout that it rests on; `mount` defaults to the rig's own.
 
     With `trials` the motion is also run that often on disturbed rigs, drawn from `seed`, `threads` at a time, and
-    passes only if nine in ten do; see `sim.trials`. Raises ValueError where the trajectory is not for this rig, the mount is
-    unknown, or trials are negative or threads less than 1.
+    passes only if nine in ten do; see `sim.trials`. Raises ValueError where the trajectory is not for this rig, the
+    mount is unknown, or trials are negative or threads less than 1.
     """
     require_fit(trajectory, rig)
     held = rig.mount if mount is None else mount

@@ -1,8 +1,8 @@
 """What a motion asks of the ground, whatever the servos do: centre of mass, needed force, zero-moment point.
 
 Newton and Euler for the whole rig: the world must supply `f = d(mv)/dt − m g` and, about the origin,
-`n = dL/dt − c × m g`, with m v and L the momentum and angular momentum of all parts and c their centre of mass. MuJoCo's
-recursion (`mj_rne`) gives both as the wrench on the root, without any joint torque entering.
+`n = dL/dt − c × m g`, with m v and L the momentum and angular momentum of all parts and c their centre of mass.
+MuJoCo's recursion (`mj_rne`) gives both as the wrench on the root, without any joint torque entering.
 """
 
 from __future__ import annotations

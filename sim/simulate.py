@@ -55,8 +55,8 @@ class Rollout:
     `time` (T,) seconds since frame 0 was captured, so with the rig's delay in it. `qpos` (T, 7 + nj) as in
     Trajectory. `torque` (T, nj) N·m that the servos gave. Over the hold of each frame, (T, nj): `saturated`, share of
     it that each servo spent at its torque limit; `torque_squared`, mean in N²m²; `drive`, mean power in W that it gave
-    to the joint, braking not counted. `harness` (T, 3): force of the harness on the root in N, world axes; zero on other
-    mounts. `weight` N of the whole rig. After a `breakdown` the rows repeat the last good one.
+    to the joint, braking not counted. `harness` (T, 3): force of the harness on the root in N, world axes; zero on
+    other mounts. `weight` N of the whole rig. After a `breakdown` the rows repeat the last good one.
     """
 
     rig: str
