@@ -53,15 +53,19 @@ def measure(scene: Scene, qpos: Array) -> Geometry:
     data = mujoco.MjData(model)
     inertial, body_pos = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 3))
     site_pos, root_up = np.empty((frames, model.nsite, 3)), np.empty((frames, 3))
+    poses = scene.poses(qpos)
+    # Views, since to ask MuJoCo for them anew in every frame takes as long as the kinematics.
+    pose, xipos, xpos, sites = data.qpos, data.xipos, data.xpos, data.site_xpos
     up = data.xmat[model.body(scene.rig.root).id, 2::3]
     touch = []
-    for k, row in enumerate(qpos):
-        scene.place(data, row)
+    for k in range(frames):
+        pose[:] = poses[k]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
-        inertial[k], body_pos[k], site_pos[k], root_up[k] = data.xipos, data.xpos, data.site_xpos, up
-        touch.append(_Touch(data.contact.geom.copy(), data.contact.dist.copy()))
-    near = _Near.of(model, floor, touch)
+        inertial[k], body_pos[k], site_pos[k], root_up[k] = xipos, xpos, sites, up
+        if data.ncon:
+            touch.append(_Touch(k, data.contact.geom.copy(), data.contact.dist.copy()))
+    near = _Near.of(model, frames, floor, touch)
     floor_depth, floor_pair = near.deepest(near.on_floor)
     self_depth, self_pair = near.deepest(~near.on_floor)
     hands = [f.body for f in scene.rig.follow if f.human in ENDS]
@@ -85,6 +89,7 @@ def measure(scene: Scene, qpos: Array) -> Geometry:
 
 
 class _Touch(NamedTuple):
+    frame: int
     geom: NDArray[np.int_]
     dist: Array
 
@@ -100,13 +105,13 @@ class _Near:
     on_floor: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, floor: int, touch: list[_Touch]) -> _Near:
-        geoms = np.concatenate([t.geom for t in touch])
+    def of(cls, model: mujoco.MjModel, frames: int, floor: int, touch: list[_Touch]) -> _Near:
+        geoms = np.concatenate([np.empty((0, 2), int), *(t.geom for t in touch)])
         return cls(
-            frames=len(touch),
-            frame=np.repeat(np.arange(len(touch)), [len(t.dist) for t in touch]),
+            frames=frames,
+            frame=np.repeat([t.frame for t in touch], [len(t.dist) for t in touch]).astype(int),
             pair=np.sort(model.geom_bodyid[geoms], axis=1),
-            dist=np.concatenate([t.dist for t in touch]),
+            dist=np.concatenate([np.empty(0), *(t.dist for t in touch)]),
             on_floor=(geoms == floor).any(1),
         )
 

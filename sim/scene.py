@@ -51,10 +51,15 @@ class Scene:
 
     def place(self, data: mujoco.MjData, qpos: ArrayLike) -> None:
         """Put `qpos` (7 + nj,), root first, into `data`, gears in the middle; a bolted root stays where it is."""
-        row = np.asarray(qpos, float)
-        data.qpos[self.joint_qpos] = row[7:]
+        data.qpos[:] = self.poses(np.asarray(qpos, float)[None])[0]
+
+    def poses(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """MuJoCo's qpos (T, nq) of `rows` (T, 7 + nj), gears in the middle: what `rows` takes apart."""
+        out = np.zeros((len(rows), self.model.nq))
+        out[:, self.joint_qpos] = rows[:, 7:]
         if self.mount != "stand":
-            data.qpos[:7] = row[:7]
+            out[:, :7] = rows[:, :7]
+        return out
 
     def rows(self, qpos: NDArray[np.float64]) -> NDArray[np.float64]:
         """Poses (T, 7 + nj), root first, of MuJoCo's `qpos` (T, nq); a bolted root is where it was bolted."""

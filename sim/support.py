@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import permutations
 
 import mujoco
@@ -19,6 +20,7 @@ from sim.thresholds import rig_size
 # the motion says stands carries with its whole sole. Swinging feet pass higher, see `retarget.feet.CLEARANCE`.
 NEAR = 0.005  # m
 RELIEF = 0.010  # m above its lowest point that a sole may be and still be sole
+ROUNDING = 1e-12  # m², so that rounding does not take an edge for a chord
 EDGES = 8  # of the pyramid inside the cone of friction: at most 8 % narrower than the cone
 
 
@@ -28,6 +30,18 @@ class Support:
 
     points: Array
     on: NDArray[np.bool_]
+
+    @cached_property
+    def edges(self) -> list[tuple[int, int, NDArray[np.bool_]]]:
+        """Edges of the support polygons: from point i to point j, anticlockwise, and in which frames (T,)."""
+        found = []
+        for i, j in permutations(range(self.points.shape[1]), 2):
+            along, both = self.points[:, j] - self.points[:, i], self.on[:, i] & self.on[:, j]
+            side = _cross(along[:, None], self.points - self.points[:, i, None])
+            edge = both & (~self.on | (side >= -ROUNDING)).all(1) & (np.sum(along**2, axis=1) > ROUNDING)
+            if edge.any():
+                found.append((i, j, edge))
+        return found
 
     def polygon(self, frame: int) -> Array:
         """Corners (M, 2) of the support polygon, anticlockwise; two of a line, one of a point, none in flight."""
@@ -84,25 +98,20 @@ def margin(at: Array, ground: Support) -> Array:
     NaN in frames without support or without point.
     """
     p, on = ground.points, ground.on
-    nearest = np.full(len(at), np.inf)
-    inside, has_area = np.ones(len(at), bool), np.zeros(len(at), bool)
-    slack = 1e-12  # m², so that rounding does not take an edge for a chord
-    for i, j in permutations(range(p.shape[1]), 2):
-        along = p[:, j] - p[:, i]
-        side = _cross(along[:, None], p - p[:, i, None])
-        edge = on[:, i] & on[:, j] & (on <= (side >= -slack)).all(1)
-        length = np.sum(along**2, axis=1)
-        edge &= length > slack
-        offset = at - p[:, i]
-        share = np.clip(np.sum(offset * along, axis=1) / np.where(edge, length, 1.0), 0, 1)
-        distance = np.linalg.norm(offset - share[:, None] * along, axis=1)
-        nearest = np.where(edge, np.minimum(nearest, distance), nearest)
-        inside &= ~edge | (_cross(along, offset) >= 0)
-        has_area |= edge & (on & (side > slack)).any(1)
-    point = np.where(on, np.linalg.norm(p - at[:, None], axis=2), np.inf).min(1, initial=np.inf)
-    nearest = np.where(np.isfinite(nearest), nearest, point)  # all carrying points are one
-    signed = np.where(inside & has_area, nearest, -nearest)
-    return np.where(on.any(1) & np.isfinite(at).all(1), signed, np.nan)
+    nearest = np.where(on, np.linalg.norm(p - at[:, None], axis=2), np.inf).min(1, initial=np.inf)
+    if ground.edges:
+        start = np.stack([p[:, i] for i, _, _ in ground.edges], axis=1)  # (T, E, 2)
+        along = np.stack([p[:, j] for _, j, _ in ground.edges], axis=1) - start
+        edge = np.stack([frames for _, _, frames in ground.edges], axis=1)
+        offset, length = at[:, None] - start, np.where(edge, np.sum(along**2, axis=2), 1.0)
+        share = np.clip(np.sum(offset * along, axis=2) / length, 0, 1)
+        away = np.where(edge, np.linalg.norm(offset - share[..., None] * along, axis=2), np.inf).min(1)
+        # A line has two edges too, one in each direction: only on it is a point to the left of both, and not within.
+        inside = (~edge | (_cross(along, offset) > 0)).all(1) & edge.any(1)
+        nearest = np.where(inside, away, -np.minimum(nearest, away))
+    else:
+        nearest = -nearest
+    return np.where(on.any(1) & np.isfinite(at).all(1), nearest, np.nan)
 
 
 def convex_hull(points: Array) -> Array:
