@@ -54,13 +54,14 @@ def dynamics(scene: Scene, qpos: Array, fps: float) -> Dynamics:
     com, wrench = np.empty((frames, 3)), np.empty((frames, 6))
     feet = [model.body(foot.body).id for foot in scene.rig.feet]
     foot_pos, foot_mat = np.empty((frames, len(feet), 3)), np.empty((frames, len(feet), 9))
+    pose, speed, gain, centre = data.qpos, data.qvel, data.qacc, data.subtree_com[root]  # views, see `sim.geometry`
     for k in range(frames):
-        data.qpos[:], data.qvel[:], data.qacc[:] = qpos[k], velocity[k], acceleration[k]
+        pose[:], speed[:], gain[:] = qpos[k], velocity[k], acceleration[k]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
         mujoco.mj_rne(model, data, 1, generalised)
-        com[k], wrench[k] = data.subtree_com[root], generalised[:6]
+        com[k], wrench[k] = centre, generalised[:6]
         foot_pos[k], foot_mat[k] = data.xpos[feet], data.xmat[feet]
     force = wrench[:, :3]
     moment = quat_rotate(qpos[:, 3:7], wrench[:, 3:]) + cross(qpos[:, :3], force)
