@@ -25,9 +25,7 @@ PLAY = "{}_play"  # the joint between the gears' stops
 # Estimates: a limb that is free between the stops is still in grease, and the last gear turns with it.
 PLAY_DAMPING = 0.01  # of the servo's stall torque over its no-load speed
 PLAY_INERTIA = 5e-5  # kg·m² for every N·m of stall torque
-ROTOR_INERTIA = (
-    3e-3  # the same of a rotor behind its gears, where the model has none: stops are as stiff as it is heavy
-)
+ROTOR_INERTIA = 3e-3  # the same of a rotor behind its gears, where the model has none; stops are as stiff as it is
 # MuJoCo's constraints give way a little: the stops' in two time steps, and friction creeps ten times less than by
 # default.
 STOPS = (2 * TIMESTEP, 1.0)

@@ -106,7 +106,7 @@ def run_many(
     """`run` on each of `models`, variants of the scene's own, with the push of the same place; `threads` at a time."""
     frames, count = len(trajectory), len(models)
     ends = np.rint(np.arange(1, frames + 1) / trajectory.fps / TIMESTEP).astype(int)
-    holds = [_Holds(scene, model, frames) for model in models]
+    holds = [_Holds(scene, model, trajectory) for model in models]
     datas = [mujoco.MjData(scene.model) for _ in range(min(threads, count))]
     scene.place(datas[0], trajectory.qpos[0])
     start = np.empty(mujoco.mj_stateSize(scene.model, STATE))
@@ -121,12 +121,12 @@ def run_many(
             through = (begun + 1 + np.arange(len(frame))) * TIMESTEP  # seconds, at the end of each step
             states, forces = _roll(models, datas, state, _controls(scene, trajectory, frame, through, pushes))
             for i, hold in enumerate(holds):
-                hold.add(first, ends[first:last] - begun, state[i], states[i], forces[i])
+                hold.add(first, begun, ends[first:last] - begun, state[i], states[i], forces[i])
             state = states[:, -1]
     broken = [h.broken for h in holds]
     if count > 1 and any(b is not None for b in broken):  # threads share their data: only alone does one tell the body
         return [
-            run_many(scene, [m], trajectory, [p], 1)[0] if b else h.rollout(scene, trajectory, None)
+            h.rollout(scene, trajectory, None) if b is None else run_many(scene, [m], trajectory, [p], 1)[0]
             for m, p, b, h in zip(models, pushes, broken, holds, strict=True)
         ]
     return [
@@ -189,9 +189,10 @@ def _roll(
 class _Holds:
     """Gathers what a run did, step by step, into one row per frame."""
 
-    def __init__(self, scene: Scene, model: mujoco.MjModel, frames: int) -> None:
-        self.scene, joints = scene, len(scene.rig.joints)
+    def __init__(self, scene: Scene, model: mujoco.MjModel, trajectory: Trajectory) -> None:
+        self.scene, joints, frames = scene, len(scene.rig.joints), len(trajectory)
         self.nq = scene.model.nq
+        self.good = scene.poses(trajectory.qpos[:1])[0]  # the last pose before it broke
         drive = model.actuator_gainprm[:joints, DRIVE]
         self.slope = np.array([j.torque / j.no_load_speed for j in scene.rig.joints])
         self.torque = np.array([j.torque for j in scene.rig.joints]) * drive
@@ -200,14 +201,14 @@ class _Holds:
         self.squared, self.work = np.zeros((frames, joints)), np.zeros((frames, joints))
         self.broken: float | None = None
 
-    def add(self, first: int, ends: NDArray[np.int_], before: Array, states: Array, forces: Array) -> None:
-        """The frames from `first` on, which end after `ends` (F,) of these steps; `before`: the state ahead of them."""
+    def add(self, first: int, begun: int, ends: NDArray[np.int_], before: Array, states: Array, forces: Array) -> None:
+        """The frames from `first` on, which end after `ends` (F,) of these steps, `begun` of all steps being done.
+
+        `before` is the state ahead of them.
+        """
         rows = slice(first, first + len(ends))
-        if self.broken is not None:
-            self.qpos[rows] = self.qpos[first - 1] if first else before[1 : 1 + self.nq]
-            return
-        if len(states) != len(forces):  # no step fell into these frames
-            self.qpos[rows] = before[1 : 1 + self.nq]
+        if self.broken is not None or len(forces) == 0:
+            self.qpos[rows] = self.good
             return
         joints = self.given.shape[1]
         torque = forces[:, :joints]
@@ -222,18 +223,18 @@ class _Holds:
         self.work[rows] = _means(np.maximum(torque * speed, 0), ends)
         if self.scene.mount == "hung":
             self.harness[rows] = forces[last, joints : joints + 3]
-        self._notice(rows, ends, before, states)
+        self._notice(rows, begun, ends, states)
+        self.good = self.qpos[rows][-1]
 
-    def _notice(self, rows: slice, ends: NDArray[np.int_], before: Array, states: Array) -> None:
+    def _notice(self, rows: slice, begun: int, ends: NDArray[np.int_], states: Array) -> None:
         """MuJoCo begins anew, at time 0, where a state is bad; and a rollout stays where it warned of anything."""
-        ticking = states[:, 0] > before[0] + (np.arange(len(states)) + 0.5) * TIMESTEP
+        ticking = states[:, 0] > SETTLE + (begun + 0.5 + np.arange(len(states))) * TIMESTEP
         if ticking.all():
             return
         step = int(np.argmin(ticking))
         frame = int(np.searchsorted(ends, step, side="right"))
-        self.broken = float(before[0] - SETTLE + step * TIMESTEP)
-        good = states[step - 1] if step else before
-        self.qpos[rows][frame:] = good[1 : 1 + self.nq]
+        self.broken = (begun + step) * TIMESTEP
+        self.qpos[rows][frame:] = states[step - 1, 1 : 1 + self.nq] if step else self.good
         for array in (self.given, self.saturated, self.squared, self.work, self.harness):
             array[rows][frame:] = 0
 

@@ -126,6 +126,16 @@ def test_one_run_that_flies_apart_leaves_the_others_alone(tmp_path):
     np.testing.assert_array_equal(last.qpos, first.qpos)
 
 
+def test_one_that_flies_apart_while_it_settles_is_noticed(tmp_path):
+    wave = motion(left=lambda t: 0.3 * np.sin(5 * t) + 0.5)
+    scene = build_scene(make_rig(tmp_path, mount="stand", torque=1e13, kp=1e13, kv=0.0), "stand", wave.qpos[0])
+    rollout = run(scene, wave)
+    assert rollout.breakdown is not None
+    assert rollout.breakdown.at_s == 0
+    np.testing.assert_array_equal(rollout.qpos, np.tile(wave.qpos[0], (len(wave), 1)))
+    assert not rollout.torque.any()
+
+
 @pytest.mark.parametrize(("count", "threads"), [(-1, 1), (3, 0)])
 def test_numbers_that_make_no_sense_are_refused(tmp_path, count, threads):
     with pytest.raises(ValueError, match="there should be at least 1 of both"):
