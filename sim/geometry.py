@@ -50,6 +50,7 @@ def measure(scene: Scene, qpos: Array) -> Geometry:
     model, frames = copy.copy(scene.model), len(qpos)
     floor = model.geom(FLOOR).id
     model.geom_margin[np.arange(model.ngeom) != floor] = FINGER / 2  # MuJoCo adds the margins of two
+    model.body_margin[1:] = FINGER / 2  # and before looking closer, those of their bodies
     data = mujoco.MjData(model)
     inertial, body_pos = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 3))
     site_pos, root_up = np.empty((frames, model.nsite, 3)), np.empty((frames, 3))

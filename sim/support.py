@@ -58,7 +58,7 @@ def find_soles(scene: Scene) -> dict[str, Array]:
         raise ValueError("support: a rig on a stand has none; use mount free or hung")
     rig, model = scene.rig, copy.copy(scene.model)
     relief, floor = RELIEF * rig_size(rig), model.geom(FLOOR).id
-    model.geom_margin[floor] = 5 * relief  # a nominal height is not that exact
+    model.geom_margin[floor] = model.body_margin[0] = 5 * relief  # a nominal height is not that exact
     data = mujoco.MjData(model)
     data.qpos[:] = [0, 0, rig.nominal.height, 1, 0, 0, 0, *rig.pose_vector(rig.nominal)]
     mujoco.mj_kinematics(model, data)
