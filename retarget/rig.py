@@ -165,6 +165,10 @@ class Rig:
     sites: tuple[Site, ...] = ()
     damping: float | None = None
 
+    def supply(self, servo: Servo) -> float:
+        """Voltage at `servo` over that at which it is rated; 1 where the rig does not tell its supply."""
+        return 1.0 if self.power is None else servo.model.at_supply(self.power.voltage)
+
     def joint_names(self) -> tuple[str, ...]:
         """Names in qpos order."""
         return tuple(j.name for j in self.joints)
@@ -247,7 +251,9 @@ def _rig(folder: Path, t: Table) -> Rig:
         nominal=t.table("nominal", partial(_pose, joints)),
         safe=t.table("safe", partial(_pose, joints)),
         sensors=t.table("sensors", lambda s: Sensors(s.flag("encoders"), s.flag("imu"), s.number("delay"))),
-        power=t.table("power", lambda p: Power(p.number("voltage"), p.number("current")), None),
+        power=t.table(
+            "power", lambda p: Power(p.number("voltage", positive=True), p.number("current", positive=True)), None
+        ),
         buses=buses,
         servos=servos,
         damping=t.number("damping") if "damping" in t.data else None,

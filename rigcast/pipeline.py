@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from sim.simulate import Rollout
 
 READABLE = (".bvh", ".npz", ".npy", ".csv", ".rigrec")
+MOST_THREADS = 8  # of trials: each keeps seconds of every step in memory
 DEFAULT_RIG = "puppet"
 
 
@@ -70,8 +72,10 @@ def _recorded(path: Path, rig: str | None) -> Trajectory:
         raise FileError(str(error)) from None
 
 
-def take(what: Motion | Trajectory, rig: Rig, mount: Mount | None, times: Times) -> Take:
-    """Retarget a motion (a trajectory is taken as it is) and put it through physics.
+def take(
+    what: Motion | Trajectory, rig: Rig, mount: Mount | None, times: Times, *, trials: int = 0, seed: int = 0
+) -> Take:
+    """Retarget a motion (a trajectory is taken as it is) and put it through physics, `trials` times more if asked for.
 
     Raises ValueError where a trajectory was made for another rig.
     """
@@ -85,5 +89,7 @@ def take(what: Motion | Trajectory, rig: Rig, mount: Mount | None, times: Times)
     else:
         trajectory = what
     with times.stage("check"):
-        report, rollout = judge(trajectory, rig, mount=mount)
+        report, rollout = judge(
+            trajectory, rig, mount=mount, trials=trials, seed=seed, threads=min(os.cpu_count() or 1, MOST_THREADS)
+        )
     return Take(what if isinstance(what, Motion) else None, trajectory, report, rollout, rig)

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from rigcast.pipeline import Take
-from sim.report import Check, Report
+from sim.report import Check, Report, Trials
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,12 +37,20 @@ def report_table(report: Report) -> Table:
     """The report, one row a check, with the figure, its limit and, where it failed, what to do."""
     verdict = "[green]pass[/]" if report.ok else "[red]fail[/]"
     title = f"{report.rig} on {report.mount}, {report.controller}: {verdict} (report {report.report_id})"
+    if report.trials is not None:
+        title += f"\n{trials_line(report.trials)}"
     table = new_table("check", "found", "limit", "unit", "", title=title)
     for column in (1, 2):
         table.columns[column].justify = "right"
     for check in report.checks:
         table.add_row(check.name, found(check), f"{check.limit:.4g}", check.unit, _verdict(check))
     return table
+
+
+def trials_line(trials: Trials) -> str:
+    """How many trials passed, and what the others failed."""
+    why = ", ".join(f"{name} {count}" for name, count in trials.failures)
+    return f"{trials.passed} of {trials.count} trials passed (seed {trials.seed})" + (f"; failed: {why}" if why else "")
 
 
 def found(check: Check) -> str:
@@ -52,7 +60,7 @@ def found(check: Check) -> str:
 
 def _verdict(check: Check) -> str:
     if not check.applies:
-        return "[dim]not on this mount[/]"
+        return "[dim]does not apply[/]"
     if check.ok:
         return "[green]ok[/]"
     from rich.markup import escape

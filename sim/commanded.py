@@ -7,6 +7,7 @@ import numpy as np
 from sim.evidence import Evidence, not_here, peak, verdict
 from sim.report import Check
 
+SUSTAINED = 99  # percentile over time: one bad frame is what joint_speed is for
 SOLVER_SLACK = 1.01  # inverse kinematics keeps a velocity limit to about a percent
 
 
@@ -28,6 +29,18 @@ def joint_speed(e: Evidence) -> Check:
     at, name = e.seconds(worst.frame), e.rig.joints[worst.column].name
     found = f"The fastest joint is {name} with {worst.value:.1f} rad/s at {at:.2f} s"
     return verdict(e, "joint_speed", worst.value, at, found, "the clip jumps there, so cut or smooth it")
+
+
+def jerk(e: Evidence) -> Check:
+    """Largest jerk (rad/s³) of any joint, from third differences: 99th percentile over time."""
+    if len(e.trajectory) < 4:
+        return verdict(e, "jerk", 0.0, None, "The motion is too short to jerk", "")
+    change = np.abs(np.diff(e.trajectory.joint_pos, n=3, axis=0)) * e.trajectory.fps**3
+    sustained = np.percentile(change, SUSTAINED, axis=0)
+    column = int(np.argmax(sustained))
+    at, name = e.seconds(int(np.argmax(change[:, column]))), e.rig.joints[column].name
+    found = f"{name} jerks most, with {sustained[column]:.0f} rad/s³, above all at {at:.2f} s"
+    return verdict(e, "jerk", sustained[column], at, found, "smooth the motion")
 
 
 def body_speed(e: Evidence) -> Check:
@@ -92,4 +105,4 @@ def self_collision(e: Evidence) -> Check:
     return verdict(e, "self_collision", depth, at, found, "keep the two apart there")
 
 
-COMMANDED = (joint_limit, joint_speed, body_speed, speed_saturation, penetration, floating, self_collision)
+COMMANDED = (joint_limit, joint_speed, body_speed, jerk, speed_saturation, penetration, floating, self_collision)

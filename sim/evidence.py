@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from retarget.rig import Mount, Rig
 from retarget.trajectory import Trajectory
+from sim.balance import Balance
 from sim.geometry import Geometry
 from sim.report import Check
+from sim.scene import Scene
 from sim.simulate import Rollout
 from sim.thresholds import THRESHOLDS, limit_for
 
@@ -19,14 +21,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Evidence:
-    """A trajectory as it was asked for and as physics did it: `asked` and `done` are the geometry of the two."""
+    """A trajectory as it was asked for and as physics did it: `asked` and `done` are the geometry of the two.
+
+    `scene` is the one it was done in. `balance` of what was asked for; None where the rig is held or has no feet.
+    """
 
     trajectory: Trajectory
-    rig: Rig
-    mount: Mount
+    scene: Scene
     rollout: Rollout
     asked: Geometry
     done: Geometry
+    balance: Balance | None
+
+    @property
+    def rig(self) -> Rig:
+        return self.scene.rig
+
+    @property
+    def mount(self) -> Mount:
+        return self.scene.mount
 
     def seconds(self, frame: int) -> float:
         """Time of a frame in seconds since the first."""
@@ -65,7 +78,8 @@ def verdict(e: Evidence, name: str, value: float, at_s: float | None, found: str
     )
 
 
-def not_here(e: Evidence, name: str) -> Check:
-    """The check of a fault that this mount cannot have."""
+def not_here(e: Evidence, name: str, where: str = "") -> Check:
+    """The check of a fault that this rig cannot have; `where` says why, if not for its mount."""
     unit, limit = THRESHOLDS[name].unit, limit_for(name, e.rig)
-    return Check(name, 0.0, limit, unit, ok=True, advice=f"Does not apply with mount {e.mount}.", applies=False)
+    advice = f"Does not apply {where or f'with mount {e.mount}'}."
+    return Check(name, 0.0, limit, unit, ok=True, advice=advice, applies=False)

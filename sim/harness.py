@@ -48,6 +48,17 @@ def add_harness(spec: mujoco.MjSpec, rig: Rig, pose: Array) -> None:
         spring.set_to_position(kp=inertia * STIFFNESS**2, kv=2 * inertia * STIFFNESS)
         spring.forcelimited = True
         spring.forcerange = [low, high]
+        add_force_sensor(spec, spring.name)
+
+
+def add_force_sensor(spec: mujoco.MjSpec, actuator: str) -> None:
+    """Record what `actuator` gives (N or N·m) at every step."""
+    spec.add_sensor(
+        name=f"{actuator}_force",
+        type=mujoco.mjtSensor.mjSENS_ACTUATORFRC,
+        objtype=mujoco.mjtObj.mjOBJ_ACTUATOR,
+        objname=actuator,
+    )
 
 
 def fit_harness(model: mujoco.MjModel, mass: float) -> None:
@@ -57,26 +68,11 @@ def fit_harness(model: mujoco.MjModel, mass: float) -> None:
     model.actuator_forcerange[-6:] *= mass
 
 
-def harness_path(trajectory: Trajectory, steps: NDArray[np.int_]) -> Array:
-    """The pose (sum of steps, 7) to pull to at every step: from frame k − 1 to frame k while frame k is held.
-
-    `steps` (T,): time steps in the hold of each frame.
-    """
+def harness_path(trajectory: Trajectory, at: Array) -> Array:
+    """The pose (N, 7) to pull to at the times `at` (N,), in frames: a place between two of them."""
     last = len(trajectory) - 1
-    at = np.concatenate([k - 1 + np.arange(1, n + 1) / max(n, 1) for k, n in enumerate(steps)])
     at = np.clip(at + LAG * trajectory.fps, 0, last)
     low = at.astype(int)
     high, u = np.minimum(low + 1, last), at - low
     pos = trajectory.root_pos[low] + u[:, None] * (trajectory.root_pos[high] - trajectory.root_pos[low])
     return np.hstack([pos, slerp(trajectory.root_quat[low], trajectory.root_quat[high], u)])
-
-
-def pull_to(data: mujoco.MjData, pose: Array) -> None:
-    """Move the frames to `pose` (7,)."""
-    data.mocap_pos[:] = pose[:3]
-    data.mocap_quat[1] = pose[3:]
-
-
-def harness_force(data: mujoco.MjData) -> Array:
-    """Force (3,) in N that the harness puts on the root, world axes."""
-    return data.actuator_force[-6:-3].copy()

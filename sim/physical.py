@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from retarget.contacts import runs
 from sim.evidence import Array, Evidence, not_here, peak, verdict
 from sim.report import Check
+from sim.support import NEAR
 from sim.thresholds import limit_for, rig_size
 
+CLEAR = 0.02  # m at human size: a sole that is to be higher is clear of the floor; swinging toes pass at 2 cm
 SLIDING_SPEED = 0.2  # m/s at human size: a contact that is faster counts as skating (Kimodo's foot skate ratio)
 
 
@@ -60,6 +63,33 @@ def skate_ratio(e: Evidence) -> Check:
     found = f"{foot} skates most, in {sliding[:, worst].sum()} of {contact[:, worst].sum()} contact frames"
     at = e.seconds(int(np.argmax(sliding[:, worst]))) if share else None
     return verdict(e, "skate_ratio", share, at, found, "hold the planted foot still or lift it")
+
+
+def contact_timing(e: Evidence) -> Check:
+    """Longest time (s) for which a foot misses, by 5 mm × size, the floor that it should stand on, or the reverse.
+
+    The reverse is a foot that touches while its lowest point is asked to be clear of the floor; in between, where a
+    heel lifts or a toe comes down, either may be.
+    """
+    if e.mount == "stand" or not e.done.soles:
+        return not_here(e, "contact_timing")
+    longest = (0.0, 0, "", "")
+    for name, sole in e.asked.soles.items():
+        touches, missed = e.done.touching[name], e.done.soles[name][..., 2].min(1) > NEAR * rig_size(e.rig)
+        stands = e.trajectory.contacts.get(name, np.zeros(len(touches), bool))
+        clear = ~stands & (sole[..., 2].min(1) > CLEAR * rig_size(e.rig))
+        for wrong, says in (
+            (stands & ~touches & missed, "is in the air where it should stand"),
+            (clear & touches, "drags"),
+        ):
+            for start, end in runs(wrong):
+                longest = max(longest, ((end - start) / e.trajectory.fps, start, name, says))
+    length, start, foot, says = longest
+    if length == 0:
+        return verdict(e, "contact_timing", 0.0, None, "Every foot touches the floor when it should", "")
+    at = e.seconds(start)
+    found = f"{foot} {says} for {length:.2f} s from {at:.2f} s"
+    return verdict(e, "contact_timing", length, at, found, "lift the foot higher, or move slower")
 
 
 def _steps_on_floor(e: Evidence) -> tuple[Array, NDArray[np.bool_]]:
@@ -160,6 +190,7 @@ PHYSICAL = (
     fall_drop,
     skate_speed,
     skate_ratio,
+    contact_timing,
     self_contact,
     torque_saturation,
     tracking_joint,

@@ -28,12 +28,28 @@ class Check:
 
 
 @dataclass(frozen=True)
+class Trials:
+    """How many of `count` disturbed trials `passed`; `failures`: how many each check failed, most first."""
+
+    count: int
+    passed: int
+    seed: int
+    failures: tuple[tuple[str, int], ...]
+
+    @property
+    def rate(self) -> float:
+        """Share of the trials that passed."""
+        return self.passed / self.count
+
+
+@dataclass(frozen=True)
 class Report:
     """The verdict on the very frames that will be streamed.
 
     `report_id`: 16 hex digits, a hash over the frames, the rig and the thresholds, so that a changed trajectory has
     no valid report; streams carry it and anything that moves refuses frames without it. `controller`: what had to run
-    for the verdict to hold. `mount`: how the base was held while it was checked.
+    for the verdict to hold. `mount`: how the base was held while it was checked. `trials`: how it went on rigs a little
+    other than thought, where that was asked for.
     """
 
     ok: bool
@@ -43,6 +59,7 @@ class Report:
     controller: Controller
     duration_s: float
     checks: tuple[Check, ...]
+    trials: Trials | None = None
 
     def failures(self) -> tuple[Check, ...]:
         """The checks that did not hold."""

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from retarget.rig import Follow, Foot, Joint, Mount, Pose, Rig, Sensors
+from retarget.rig import Bus, Follow, Foot, Joint, Mount, Pose, Power, Rig, Sensors, Servo
+from retarget.servos import ServoModel
 from retarget.trajectory import Trajectory
 
 BASE_MASS, TIP_MASS, REACH = 10.0, 0.5, 0.3  # kg, kg, m
@@ -19,6 +20,7 @@ HEIGHT, HALF_FOOT = 0.93, 0.15  # m
 GRAVITY = 9.81
 WEIGHT = (BASE_MASS + 2 * TIP_MASS) * GRAVITY
 TORQUE, NO_LOAD_SPEED = 4.0, 5.0
+STALL_CURRENT, MASS = 1.5, 0.08  # A at 12 V, kg
 JOINTS = ("left", "right")
 
 ARM = """<body name="{name}_arm" pos="0 {y} 0"><joint name="{name}" axis="{axis}"/>
@@ -40,8 +42,13 @@ def two_arm_rig(
     no_load_speed: float = NO_LOAD_SPEED,
     kp: float = 80.0,
     kv: float = 2.0,
+    play: float = 0.0,
+    friction: float = 0.0,
 ) -> Rig:
-    """The rig, its model written into `folder`."""
+    """The rig, its model written into `folder`; gears without play (rad) and friction (N·m) unless told."""
+    servo = ServoModel(
+        "paper", "dynamixel2", 1, torque, no_load_speed, STALL_CURRENT, 12.0, 4096, (0, 4095), "", MASS, play, friction
+    )
     (folder / "model.xml").write_text(MODEL)
     return Rig(
         name="two_arm",
@@ -56,9 +63,9 @@ def two_arm_rig(
         nominal=Pose(HEIGHT, {}),
         safe=Pose(HEIGHT, {}),
         sensors=Sensors(encoders=True, imu=False, delay=0.02),
-        power=None,
-        buses=(),
-        servos=(),
+        power=Power(12.0, 1.0),
+        buses=(Bus("main", "dynamixel2", 1_000_000),),
+        servos=tuple(Servo(n, "main", i, servo) for i, n in enumerate(JOINTS)),
     )
 
 
