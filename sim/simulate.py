@@ -118,7 +118,7 @@ def run_many(
         for first, last in _chunks(ends):
             begun = ends[first - 1] if first else 0
             frame = np.repeat(np.arange(first, last), np.diff(ends[first:last], prepend=begun))
-            through = (begun + 1 + np.arange(len(frame))) * TIMESTEP  # seconds, at the end of each step
+            through: Array = (begun + 1.0 + np.arange(len(frame))) * TIMESTEP  # seconds, at the end of each step
             states, forces = _roll(models, datas, state, _controls(scene, trajectory, frame, through, pushes))
             for i, hold in enumerate(holds):
                 hold.add(first, begun, ends[first:last] - begun, state[i], states[i], forces[i])

@@ -218,7 +218,7 @@ def test_a_folder_that_cannot_be_written_is_found_first(
 def test_a_missing_extra_is_named(
     module: str, extra: str, calm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def missing(*_: object) -> None:
+    def missing(*_: object, **__: object) -> None:
         raise ModuleNotFoundError(f"No module named '{module}.core'", name=f"{module}.core")
 
     monkeypatch.setattr("rigcast.pipeline.take", missing)
