@@ -16,7 +16,7 @@ from drivers.clock import MonotonicClock, Ticker
 from drivers.endpoint import DEFAULT, StreamError, endpoints
 from drivers.frame import UNCHECKED, Frame, FrameError, State, encode
 from drivers.keys import Keys
-from drivers.messages import MAX_MESSAGE_BYTES, Hello, RigState, Stop, pack, unpack
+from drivers.messages import MAX_MESSAGE_BYTES, OPEN_LOOP, Hello, RigState, Stop, pack, unpack
 from drivers.outlet import MOST_AT_ONCE, Outlet
 from drivers.rate import Rate
 from drivers.sockets import open_socket
@@ -126,7 +126,7 @@ def require_free(address: str) -> None:
                 open_socket(context, zmq.PUB, each, bind=True, max_bytes=MAX_MESSAGE_BYTES).close(0)
 
 
-def hello_for(trajectory: Trajectory, rig: Rig, report_id: str, stream: int) -> Hello:
+def hello_for(trajectory: Trajectory, rig: Rig, report_id: str, stream: int, controller: str = OPEN_LOOP) -> Hello:
     """The hello of a stream that plays `trajectory` on `rig`."""
     return Hello(
         rig=rig.name,
@@ -141,6 +141,7 @@ def hello_for(trajectory: Trajectory, rig: Rig, report_id: str, stream: int) -> 
         text="; ".join(label.text for label in trajectory.labels)[:1000],
         source=" ".join(filter(None, (trajectory.source.generator, trajectory.source.weights)))[:1000],
         licence=trajectory.source.licence[:1000],
+        controller=controller,
     )
 
 
@@ -154,7 +155,7 @@ def frames_of(trajectory: Trajectory, rig: Rig, report_id: str, stream: int, sta
         raise StreamError(
             f"the trajectory's joints are not those of rig {rig.name!r}: it was made for {trajectory.rig!r}"
         )
-    pos = trajectory.joint_pos.astype(np.float32)
+    pos = trajectory.targets.astype(np.float32)
     root = trajectory.qpos[:, :7].astype(np.float32)
     vel = np.gradient(pos, 1 / trajectory.fps, axis=0).astype(np.float32) if len(pos) > 1 else np.zeros_like(pos)
     contacts = np.zeros(len(pos), np.uint32)
@@ -211,13 +212,15 @@ def publish(
     keys: Keys | None = None,
     insecure: bool = False,
     clock: Ticker | None = None,
+    controller: str = OPEN_LOOP,
 ) -> Published:
     """Stream `trajectory` once, in real time; frame k leaves at start + k / rate, whatever the ones before it cost.
 
     `rate_hz` 1…1000 frames a second, linear between those of the trajectory; by default its own. Frames that are late
     leave at once; those that rigs would refuse as too old by then are skipped. Waits up to `wait_s` for a first
-    receiver. Without a `report_id` only previews will follow. `keys` and `insecure` are the Publisher's. Raises
-    StreamError as it does, and where the trajectory is not of this rig.
+    receiver. Only previews follow without a `report_id`, or where the report needs another `controller` than
+    `open_loop`. `keys` and `insecure` are the Publisher's. Raises StreamError as it does, and where the trajectory is
+    not of this rig.
     """
     if rate_hz is not None:
         if not 1 <= rate_hz <= MOST_HZ:
@@ -226,13 +229,14 @@ def publish(
     clock = clock or MonotonicClock()
     stream = secrets.randbits(32)
     states: list[RigState] = []
-    hello = hello_for(trajectory, rig, report_id, stream)
+    hello = hello_for(trajectory, rig, report_id, stream, controller)
+    carried = report_id if controller == OPEN_LOOP else UNCHECKED
     with Publisher(hello, address, keys=keys, insecure=insecure, clock=clock) as publisher:
         heard = publisher.wait_for_subscriber(wait_s)
         start = clock.now_ns()
         late: list[int] = []
         skipped = 0
-        for frame in frames_of(trajectory, rig, report_id, stream, start):
+        for frame in frames_of(trajectory, rig, carried, stream, start):
             clock.sleep_until_ns(frame.due_ns)
             late.append(clock.now_ns() - frame.due_ns)
             if late[-1] > TOO_LATE_NS and frame.state == State.PLAY:
