@@ -17,7 +17,7 @@ from drivers.bus import Array, BusError, Reading, ServoBus
 from drivers.clock import MonotonicClock, Ticker
 from drivers.follow import Limits, step
 from drivers.frame import Frame
-from drivers.messages import Mode, RigState
+from drivers.messages import OPEN_LOOP, Mode, RigState
 from drivers.receiver import Receiver
 from drivers.signals import caught_signals
 from drivers.trips import Ceilings, Trips
@@ -167,6 +167,11 @@ class _Loop:
 
     def _act(self, reading: Reading, now: int, held: bool) -> bool:
         measured = reading.position
+        hello = self._receiver.hello
+        if self._command is None and hello is not None and hello.controller != OPEN_LOOP:
+            self._mode = "stopped"
+            self._reason = f"the stream needs the controller {hello.controller!r}; here runs {OPEN_LOOP!r} alone"
+            return False
         if self._mode == "waiting":
             return True
         if self._command is None:

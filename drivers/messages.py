@@ -14,6 +14,7 @@ import msgspec
 from drivers.frame import MAX_JOINTS, FrameError
 
 MAX_MESSAGE_BYTES = 65_536
+OPEN_LOOP = "open_loop"  # the controller of a stream that is followed as it is
 
 U64 = Annotated[int, msgspec.Meta(ge=0)]  # MessagePack has no larger ones
 Text = Annotated[str, msgspec.Meta(max_length=1000)]
@@ -25,7 +26,9 @@ Mode = Literal["waiting", "following", "hold", "safe", "stopped", "tripped"]
 class Hello(msgspec.Struct, frozen=True, tag="rigcast.hello.1", tag_field="type"):
     """Who streams, for which rig. `lower`, `upper` (nj,) rad; `velocity` (nj,) rad/s at most; `rate_hz` samples/s.
 
-    `text` is what was asked for; `source` says what made the motion, `licence` what its data allow.
+    `text` is what was asked for; `source` says what made the motion, `licence` what its data allow. `controller`: what
+    must run beside the stream, as its report says; where that is not `open_loop` the frames themselves carry no report,
+    so that nothing moves which has not read this.
     """
 
     rig: Text
@@ -40,6 +43,7 @@ class Hello(msgspec.Struct, frozen=True, tag="rigcast.hello.1", tag_field="type"
     text: Text = ""
     source: Text = ""
     licence: Text = ""
+    controller: Text = OPEN_LOOP
 
     def __post_init__(self) -> None:
         _same_length("hello", len(self.joints), self.lower, self.upper, self.velocity)

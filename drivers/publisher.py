@@ -16,7 +16,7 @@ from drivers.control import Answer, Look, Rest, Say, Told, request_in
 from drivers.endpoint import DEFAULT, StreamError, endpoints
 from drivers.frame import UNCHECKED, Frame, FrameError, State, encode
 from drivers.keys import Keys
-from drivers.messages import MAX_MESSAGE_BYTES, Hello, RigState, Stop, pack, unpack
+from drivers.messages import MAX_MESSAGE_BYTES, OPEN_LOOP, Hello, RigState, Stop, pack, unpack
 from drivers.outlet import MOST_AT_ONCE, Outlet
 from drivers.rate import Rate
 from drivers.roster import Roster
@@ -239,14 +239,16 @@ def publish(
     keys: Keys | None = None,
     insecure: bool = False,
     clock: Ticker | None = None,
+    controller: str = OPEN_LOOP,
 ) -> Published:
     """Stream `trajectory` once, in real time; frame k leaves at start + k / rate, whatever the ones before it cost.
 
     It ends early, and says so to the rigs, where it is stopped or a rig is not well: nobody walks on a tripped rig.
     `rate_hz` 1…1000 frames a second, linear between those of the trajectory; by default its own. Frames that are late
     leave at once; those that rigs would refuse as too old by then are skipped. Waits up to `wait_s` for a first
-    receiver. Without a `report_id` only previews will follow. `keys` and `insecure` are the Publisher's. Raises
-    StreamError as it does, and where the trajectory is not of this rig.
+    receiver. Only previews follow without a `report_id`, or where the report needs another `controller` than
+    `open_loop`. `keys` and `insecure` are the Publisher's. Raises StreamError as it does, and where the trajectory is
+    not of this rig.
     """
     if rate_hz is not None:
         if not 1 <= rate_hz <= MOST_HZ:
@@ -254,14 +256,15 @@ def publish(
         trajectory = resampled(trajectory, rate_hz)
     clock = clock or MonotonicClock()
     stream = secrets.randbits(32)
-    hello = hello_for(trajectory, rig, report_id, stream)
+    hello = hello_for(trajectory, rig, report_id, stream, controller)
+    carried = report_id if controller == OPEN_LOOP else UNCHECKED
     with Publisher(hello, address, keys=keys, insecure=insecure, clock=clock) as publisher:
         heard = publisher.wait_for_subscriber(wait_s)
         start = clock.now_ns()
         late: list[int] = []
         skipped, ended = 0, ""
         states: list[RigState] = []
-        for frame in frames_of(trajectory, rig, report_id, stream, start):
+        for frame in frames_of(trajectory, rig, carried, stream, start):
             clock.sleep_until_ns(frame.due_ns)
             late.append(clock.now_ns() - frame.due_ns)
             if late[-1] > TOO_LATE_NS and frame.state == State.PLAY:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drivers.endpoint import StreamError
 from drivers.frame import Float32, Frame, State
-from drivers.messages import Hello
+from drivers.messages import OPEN_LOOP, Hello
 from retarget.rig import Rig
 from retarget.trajectory import Trajectory
 
@@ -38,7 +38,7 @@ def samples_of(trajectory: Trajectory, rig: Rig) -> Samples:
         raise StreamError(
             f"the trajectory's joints are not those of rig {rig.name!r}: it was made for {trajectory.rig!r}"
         )
-    pos = trajectory.joint_pos.astype(np.float32)
+    pos = trajectory.targets.astype(np.float32)
     root = trajectory.qpos[:, :7].astype(np.float32)
     vel = np.gradient(pos, 1 / trajectory.fps, axis=0).astype(np.float32) if len(pos) > 1 else np.zeros_like(pos)
     contacts = np.zeros(len(pos), np.uint32)
@@ -83,7 +83,7 @@ def frames_of(trajectory: Trajectory, rig: Rig, report_id: str, stream: int, sta
         yield frame_at(samples, at, rig, report_id, stream=stream, seq=seq, due_ns=due, state=state)
 
 
-def hello_for(trajectory: Trajectory, rig: Rig, report_id: str, stream: int) -> Hello:
+def hello_for(trajectory: Trajectory, rig: Rig, report_id: str, stream: int, controller: str = OPEN_LOOP) -> Hello:
     """The hello of a stream that plays `trajectory` on `rig`."""
     return Hello(
         rig=rig.name,
@@ -98,4 +98,5 @@ def hello_for(trajectory: Trajectory, rig: Rig, report_id: str, stream: int) -> 
         text="; ".join(label.text for label in trajectory.labels)[:1000],
         source=" ".join(filter(None, (trajectory.source.generator, trajectory.source.weights)))[:1000],
         licence=trajectory.source.licence[:1000],
+        controller=controller,
     )

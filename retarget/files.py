@@ -23,6 +23,8 @@ def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
         "joints": np.array(trajectory.joints),
         "notes": notes_to_json(trajectory.labels, trajectory.source),
     }
+    if trajectory.aim is not None:
+        arrays["aim"] = trajectory.aim
     arrays |= {_CONTACT + foot: touching for foot, touching in trajectory.contacts.items()}
     write_npz(path, "trajectory", arrays)
 
@@ -40,7 +42,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
         contacts = {n.removeprefix(_CONTACT): arrays[n].astype(bool) for n in arrays if n.startswith(_CONTACT)}
         fps, rig = float(arrays["fps"]), str(arrays["rig"])
         require_timing(len(arrays["qpos"]), fps)
-        return Trajectory(arrays["qpos"], fps, rig, joints, contacts, labels, source)
+        return Trajectory(arrays["qpos"], fps, rig, joints, contacts, labels, source, arrays.get("aim"))
     except KeyError as error:
         raise FileError(f"{path}: damaged trajectory file ({error} is missing)") from None
     except (ValueError, TypeError, AttributeError) as error:

@@ -37,9 +37,12 @@ def resampled(trajectory: Trajectory, fps: float) -> Trajectory:
     count = math.ceil(trajectory.duration * fps - 1e-9) + 1
     at = np.minimum(np.arange(count) / fps, trajectory.duration)
     nearest = np.rint(at * trajectory.fps).astype(int)
+    times = np.arange(len(trajectory)) / trajectory.fps
+    aim = trajectory.aim
     return replace(
         trajectory,
-        qpos=interpolate(np.arange(len(trajectory)) / trajectory.fps, trajectory.qpos, at),
+        qpos=interpolate(times, trajectory.qpos, at),
         fps=fps,
         contacts={foot: down[nearest] for foot, down in trajectory.contacts.items()},
+        aim=None if aim is None else np.stack([np.interp(at, times, column) for column in aim.T], 1),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -105,12 +105,17 @@ class Site:
 
 @dataclass(frozen=True)
 class Foot:
-    """A foot: `body`, and the heel and toe sites on its sole; `human` is the ankle it stands for."""
+    """A foot: `body`, and the heel and toe sites on its sole; `human` is the ankle it stands for.
+
+    `upright`: by how many rad the target of a joint of its leg moves, while it stands, per rad that the root leans more
+    than it should to the right and forward.
+    """
 
     name: str
     body: str
     sites: tuple[str, ...]
     human: str
+    upright: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -144,6 +149,7 @@ class Rig:
 
     `joints` are in MuJoCo's qpos order and so are all joint vectors of this project. `stand_clearance` in metres: how
     high the soles hang above the floor on the stand. `model` is relative where it was looked for and is not here.
+    `ahead` s: how much of the rate at which the root leans counts as lean (see `Foot.upright`).
     `damping` in N·m·s/rad goes before the model's, where that is a controller's and not the bearings'.
     """
 
@@ -163,6 +169,7 @@ class Rig:
     buses: tuple[Bus, ...]
     servos: tuple[Servo, ...]
     sites: tuple[Site, ...] = ()
+    ahead: float = 0.0
     damping: float | None = None
 
     def supply(self, servo: Servo) -> float:
@@ -230,7 +237,7 @@ def _rig(folder: Path, t: Table) -> Rig:
         raise RigError("give every joint as [[servo]], or every joint as [[joint]]")
     unique([j.name for j in joints], "joint")
     unique([(s.bus, s.id) for s in servos], "servo id (bus, id)")
-    feet = t.tables("foot", _foot)
+    feet = t.tables("foot", partial(_foot, [j.name for j in joints]))
     unique([f.name for f in feet], "foot")
     root, follow = t.text("root"), t.tables("follow", _follow)
     unique([f.human for f in follow], "follow: human joint")
@@ -256,6 +263,7 @@ def _rig(folder: Path, t: Table) -> Rig:
         ),
         buses=buses,
         servos=servos,
+        ahead=t.number("ahead", 0.0),
         damping=t.number("damping") if "damping" in t.data else None,
         sites=t.tables("site", lambda s: Site(s.text("name"), s.text("body"), s.point("pos"))),
     )
@@ -285,8 +293,16 @@ def _servo(buses: dict[str, str], t: Table) -> tuple[Joint, Servo]:
     return joint, Servo(joint.name, bus, t.integer("id", 0, 252), model, *limits)
 
 
-def _foot(t: Table) -> Foot:
-    return Foot(t.text("name"), t.text("body"), t.texts("sites"), t.choice("human", ("left_ankle", "right_ankle")))
+def _foot(joints: Sequence[str], t: Table) -> Foot:
+    upright = t.table("upright", partial(_upright, joints), {})
+    human = t.choice("human", ("left_ankle", "right_ankle"))
+    return Foot(t.text("name"), t.text("body"), t.texts("sites"), human, upright)
+
+
+def _upright(joints: Sequence[str], t: Table) -> dict[str, tuple[float, float]]:
+    for name in t.data:
+        known(name, joints, f"{t.where}: joint")
+    return {name: t.pair(name) for name in t.data}
 
 
 def _follow(t: Table) -> Follow:

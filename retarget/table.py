@@ -67,6 +67,13 @@ class Table:
         )
         return float(pair[0]), float(pair[1])
 
+    def pair(self, key: str) -> tuple[float, float]:
+        """Two finite numbers."""
+        good = self._read(
+            key, REQUIRED, lambda v: isinstance(v, list) and len(v) == 2 and all(map(_number, v)), "two numbers"
+        )
+        return float(good[0]), float(good[1])
+
     def point(self, key: str) -> tuple[float, float, float]:
         """Three finite numbers."""
         good = self._read(

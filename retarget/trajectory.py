@@ -15,7 +15,8 @@ class Trajectory:
     """`qpos` (T, 7 + nj) in MuJoCo's order: root position (m), root quaternion (w x y z), then the rig's joints (rad).
 
     The root block is always there, also for a rig on a stand, whose root then stands still. `joints` names the nj
-    columns after it. `contacts` maps each foot of the rig, by name, to (T,) booleans.
+    columns after it. `contacts` maps each foot of the rig, by name, to (T,) booleans. `aim` (T, nj) rad is what the
+    servos are told so that under load they come to where `qpos` has the joints; None where they are told just that.
 
     Raises ValueError naming what is wrong: shapes, no frames, fps not above 0, NaN, a root quaternion not of unit
     length (tolerance 1e-3).
@@ -28,6 +29,7 @@ class Trajectory:
     contacts: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
     labels: tuple[Label, ...] = ()
     source: Source = field(default_factory=lambda: Source("unknown"))
+    aim: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         qpos = np.asarray(self.qpos, float)
@@ -43,6 +45,8 @@ class Trajectory:
             raise ValueError("trajectory: a root quaternion is not of unit length")
         if any(np.shape(c) != (len(qpos),) for c in self.contacts.values()):
             raise ValueError("trajectory: contacts and qpos differ in length")
+        if self.aim is not None and (np.shape(self.aim) != qpos[:, 7:].shape or not np.isfinite(self.aim).all()):
+            raise ValueError(f"trajectory: aim {np.shape(self.aim)} should be {qpos[:, 7:].shape} and finite")
         object.__setattr__(self, "qpos", qpos)
 
     def __len__(self) -> int:
@@ -67,3 +71,8 @@ class Trajectory:
     def joint_pos(self) -> NDArray[np.float64]:
         """(T, nj) radians."""
         return self.qpos[:, 7:]
+
+    @property
+    def targets(self) -> NDArray[np.float64]:
+        """(T, nj) radians that the servos are told: `aim`, or the joints."""
+        return self.joint_pos if self.aim is None else self.aim

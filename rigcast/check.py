@@ -21,6 +21,7 @@ def check(
     mount: Mount | None = None,
     style: Style = "ours",
     fps: float | None = None,
+    fix: bool = False,
     trials: int = 0,
     seed: int = 0,
     json: bool = False,
@@ -33,6 +34,7 @@ def check(
         mount: How the base is held; by default as the rig says.
         style: Whose .csv it is: ours has a header, the others only numbers.
         fps: Frames a second of a .csv without a time column, where its style does not fix them.
+        fix: Mend what fails and judge that; --out of `play` writes it.
         trials: Also on so many rigs a little other than thought, each pushed once; nine in ten must pass.
         seed: Of what is other in the trials.
         json: Print one JSON document instead of a table.
@@ -40,9 +42,11 @@ def check(
     from rigcast.pipeline import read, take
 
     what = read(file, rig, style, fps)
-    taken = take(what, rig_for(what, rig), mount, Times(), trials=trials, seed=seed)
+    taken = take(what, rig_for(what, rig), mount, Times(), fix=fix, trials=trials, seed=seed)
     if json:
         show.print_json(show.take_dict(taken))
     else:
         show.console().print(show.report_table(taken.report))
+        for change in taken.report.changes:
+            print(f"mended: {change.text}")
     return 0 if taken.report.ok else 1

@@ -36,6 +36,8 @@ class Delivery:
     """Stream without encryption and to everybody, where other machines reach the endpoint."""
     view: Literal["native", "web", "none"] = "none"
     """Show it in a window or in the browser, until closed or Ctrl-C."""
+    fix: bool = True
+    """Mend what the gate refuses: slower, on the feet that the rig has, balanced; the report says what was changed."""
     unchecked: bool = False
     """Go on where the report fails. A stream is then marked unchecked: previews follow it, nothing that moves does."""
     json: bool = False
@@ -66,6 +68,8 @@ def deliver(take: Take, how: Delivery, times: Times, said: dict[str, Any]) -> in
         console.print(show.size_line(take))
         console.print(show.origin_line(take), markup=False)
         console.print(show.report_table(take.report))
+        for change in take.report.changes:
+            print(f"mended: {change.text}")
     allowed = take.report.ok or how.unchecked
     done: dict[str, Any] = {"written": [], "published": None}
     if allowed:
@@ -113,6 +117,7 @@ def _publish(take: Take, how: Delivery, times: Times) -> dict[str, Any] | None:
             wait_s=LISTENER_WAIT_S,
             keys=keys,
             insecure=how.insecure,
+            controller=take.report.controller,
         )
     if not sent.heard:
         show.warn(f"nobody listened on {how.publish}; start `rigcast view` or `rigcast drive` first")

@@ -53,4 +53,4 @@ def edit(
     with times.stage("edit"):
         motion = able.edit(clip, text, keep=keep, parts=named, seed=seed, guidance=guidance)
     said = {"file": str(file), "keep": keep, "parts": named, "text": text}
-    return deliver(take(motion, body, mount, times), delivery, times, said)
+    return deliver(take(motion, body, mount, times, fix=delivery.fix), delivery, times, said)

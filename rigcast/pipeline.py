@@ -73,14 +73,21 @@ def _recorded(path: Path, rig: str | None) -> Trajectory:
 
 
 def take(
-    what: Motion | Trajectory, rig: Rig, mount: Mount | None, times: Times, *, trials: int = 0, seed: int = 0
+    what: Motion | Trajectory,
+    rig: Rig,
+    mount: Mount | None,
+    times: Times,
+    *,
+    fix: bool = False,
+    trials: int = 0,
+    seed: int = 0,
 ) -> Take:
-    """Retarget a motion (a trajectory is taken as it is) and put it through physics, `trials` times more if asked for.
+    """Retarget a motion (a trajectory is taken as it is) and put it through physics, `trials` more times if asked for.
 
-    Raises ValueError where a trajectory was made for another rig.
+    With `fix` what fails there is mended, see `sim.fix`. Raises ValueError where a trajectory is of another rig.
     """
     with times.stage("import physics"):
-        from sim.checks import judge
+        from sim.fix import judge_mended
     if isinstance(what, Motion):
         with times.stage("import kinematics"):
             from retarget.retarget import retarget
@@ -89,7 +96,8 @@ def take(
     else:
         trajectory = what
     with times.stage("check"):
-        report, rollout = judge(
-            trajectory, rig, mount=mount, trials=trials, seed=seed, threads=min(os.cpu_count() or 1, MOST_THREADS)
+        threads = min(os.cpu_count() or 1, MOST_THREADS)
+        trajectory, report, rollout = judge_mended(
+            trajectory, rig, mount=mount, fix=fix, trials=trials, seed=seed, threads=threads
         )
     return Take(what if isinstance(what, Motion) else None, trajectory, report, rollout, rig)

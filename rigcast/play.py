@@ -46,7 +46,7 @@ def play(
     body = rig_for(what, rig, model)
     for note in cannot_show(what, body):
         show.warn(note)
-    return deliver(take(what, body, mount, times), delivery, times, {"file": str(file)})
+    return deliver(take(what, body, mount, times, fix=delivery.fix), delivery, times, {"file": str(file)})
 
 
 def rig_for(what: object, named: str | None, model: Path | None = None) -> Rig:

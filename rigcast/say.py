@@ -73,7 +73,7 @@ def say(
         show.warn(note)
     from rigcast.pipeline import take
 
-    return deliver(take(motion, body, mount, times), delivery, times, said)
+    return deliver(take(motion, body, mount, times, fix=delivery.fix), delivery, times, said)
 
 
 def _texts(

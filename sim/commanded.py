@@ -13,7 +13,7 @@ SOLVER_SLACK = 1.01  # inverse kinematics keeps a velocity limit to about a perc
 
 def joint_limit(e: Evidence) -> Check:
     """Largest excursion (rad) of any joint beyond its range."""
-    q = e.trajectory.joint_pos
+    q = e.trajectory.targets
     lower, upper = (np.array([getattr(j, side) for j in e.rig.joints]) for side in ("lower", "upper"))
     worst = peak(np.maximum(np.maximum(lower - q, q - upper), 0.0))
     at, joint = e.seconds(worst.frame), e.rig.joints[worst.column]
@@ -25,7 +25,7 @@ def joint_limit(e: Evidence) -> Check:
 
 def joint_speed(e: Evidence) -> Check:
     """Largest joint speed (rad/s) between two frames."""
-    worst = peak(np.abs(np.diff(e.trajectory.joint_pos, axis=0)) * e.trajectory.fps)
+    worst = peak(np.abs(np.diff(e.trajectory.targets, axis=0)) * e.trajectory.fps)
     at, name = e.seconds(worst.frame), e.rig.joints[worst.column].name
     found = f"The fastest joint is {name} with {worst.value:.1f} rad/s at {at:.2f} s"
     return verdict(e, "joint_speed", worst.value, at, found, "the clip jumps there, so cut or smooth it")
@@ -53,7 +53,7 @@ def body_speed(e: Evidence) -> Check:
 
 def speed_saturation(e: Evidence) -> Check:
     """Share of time for which the worst joint is asked for more than the speed its servo is allowed."""
-    speed = np.abs(np.diff(e.trajectory.joint_pos, axis=0)) * e.trajectory.fps
+    speed = np.abs(np.diff(e.trajectory.targets, axis=0)) * e.trajectory.fps
     allowed = np.array([j.velocity for j in e.rig.joints])
     share = (speed > SOLVER_SLACK * allowed).mean(0) if len(speed) else np.zeros(len(allowed))
     column = int(np.argmax(share))

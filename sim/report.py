@@ -28,6 +28,16 @@ class Check:
 
 
 @dataclass(frozen=True)
+class Change:
+    """What mending did to a motion: `amount` in `unit`, and `text` in a sentence."""
+
+    name: str
+    amount: float
+    unit: str
+    text: str
+
+
+@dataclass(frozen=True)
 class Trials:
     """How many of `count` disturbed trials `passed`; `failures`: how many each check failed, most first."""
 
@@ -49,7 +59,7 @@ class Report:
     `report_id`: 16 hex digits, a hash over the frames, the rig and the thresholds, so that a changed trajectory has
     no valid report; streams carry it and anything that moves refuses frames without it. `controller`: what had to run
     for the verdict to hold. `mount`: how the base was held while it was checked. `trials`: how it went on rigs a little
-    other than thought, where that was asked for.
+    other than thought, where that was asked for. `changes`: what mending did to the motion before.
     """
 
     ok: bool
@@ -60,6 +70,7 @@ class Report:
     duration_s: float
     checks: tuple[Check, ...]
     trials: Trials | None = None
+    changes: tuple[Change, ...] = ()
 
     def failures(self) -> tuple[Check, ...]:
         """The checks that did not hold."""

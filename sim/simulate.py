@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from retarget.rig import Mount, Rig
 from retarget.trajectory import Trajectory
 from sim.harness import harness_path
 from sim.scene import DRIVE, TIMESTEP, Scene, build_scene
+from sim.upright import Upright, corrections, lean, standing, turning
 
 Array = NDArray[np.float64]
 
@@ -95,13 +97,18 @@ def require_fit(trajectory: Trajectory, rig: Rig) -> None:
         )
 
 
-def run(scene: Scene, trajectory: Trajectory, push: Push | None = None) -> Rollout:
-    """`simulate` on a scene that is already built, with a `push` where there is one."""
-    return run_many(scene, [scene.model], trajectory, [push], threads=1)[0]
+def run(scene: Scene, trajectory: Trajectory, push: Push | None = None, upright: Upright | None = None) -> Rollout:
+    """`simulate` on a scene that is already built, with a `push` and kept `upright` where asked for."""
+    return run_many(scene, [scene.model], trajectory, [push], threads=1, upright=upright)[0]
 
 
 def run_many(
-    scene: Scene, models: Sequence[mujoco.MjModel], trajectory: Trajectory, pushes: Sequence[Push | None], threads: int
+    scene: Scene,
+    models: Sequence[mujoco.MjModel],
+    trajectory: Trajectory,
+    pushes: Sequence[Push | None],
+    threads: int,
+    upright: Upright | None = None,
 ) -> list[Rollout]:
     """`run` on each of `models`, variants of the scene's own, with the push of the same place; `threads` at a time."""
     frames, count = len(trajectory), len(models)
@@ -115,18 +122,22 @@ def run_many(
     with _quiet():
         settle = _controls(scene, trajectory, np.zeros(round(SETTLE / TIMESTEP), int), None, pushes=[None] * count)
         state = _roll(models, datas, state, settle)[0][:, -1]
-        for first, last in _chunks(ends):
+        feedback = None if upright is None else _Feedback(upright, scene, trajectory)
+        for first, last in _chunks(ends, CHUNK if feedback is None else 0):
             begun = ends[first - 1] if first else 0
             frame = np.repeat(np.arange(first, last), np.diff(ends[first:last], prepend=begun))
             through: Array = (begun + 1.0 + np.arange(len(frame))) * TIMESTEP  # seconds, at the end of each step
-            states, forces = _roll(models, datas, state, _controls(scene, trajectory, frame, through, pushes))
+            controls = _controls(scene, trajectory, frame, through, pushes)
+            if feedback is not None:
+                controls[..., : len(scene.rig.joints)] += feedback.added(first, state)[:, None]
+            states, forces = _roll(models, datas, state, controls)
             for i, hold in enumerate(holds):
                 hold.add(first, begun, ends[first:last] - begun, state[i], states[i], forces[i])
             state = states[:, -1]
     broken = [h.broken for h in holds]
     if count > 1 and any(b is not None for b in broken):  # threads share their data: only alone does one tell the body
         return [
-            h.rollout(scene, trajectory, None) if b is None else run_many(scene, [m], trajectory, [p], 1)[0]
+            h.rollout(scene, trajectory, None) if b is None else run_many(scene, [m], trajectory, [p], 1, upright)[0]
             for m, p, b, h in zip(models, pushes, broken, holds, strict=True)
         ]
     return [
@@ -135,12 +146,32 @@ def run_many(
     ]
 
 
-def _chunks(ends: NDArray[np.int_]) -> Iterator[tuple[int, int]]:
-    """First and last (exclusive) frames of pieces of at least one frame and about CHUNK steps."""
+class _Feedback:
+    """What is added to the targets of a frame: by what the sensors said a while before it began."""
+
+    def __init__(self, upright: Upright, scene: Scene, trajectory: Trajectory) -> None:
+        self.upright, self.asked, self.turning = upright, trajectory.root_quat, turning(trajectory)
+        self.stands = standing(trajectory, scene.rig)
+        self.wait = math.ceil(upright.delay * trajectory.fps - 1e-9)  # frames
+        self.spin = 1 + scene.model.nq + np.arange(3, 6)  # of the root in its own frame, in a state
+        self.felt: list[Array] = []
+
+    def added(self, frame: int, state: Array) -> Array:
+        """(runs, nj) rad, for `state` (runs, ·) at the start of the hold of `frame`."""
+        self.felt.append(state)
+        back = max(frame - self.wait, 0)
+        was = self.felt[back]
+        at = max(back - 1, 0)  # what a hold begins with is what the one before it should have led to
+        leans = lean(was[:, 4:8], was[:, self.spin], self.asked[at], self.turning[at], self.upright.ahead)
+        return corrections(self.upright, leans, self.stands[frame])
+
+
+def _chunks(ends: NDArray[np.int_], most: int) -> Iterator[tuple[int, int]]:
+    """First and last (exclusive) frames of pieces of at least one frame and about `most` steps."""
     first = 0
     while first < len(ends):
         begun = ends[first - 1] if first else 0
-        last = max(first + 1, int(np.searchsorted(ends, begun + CHUNK, side="right")))
+        last = max(first + 1, int(np.searchsorted(ends, begun + most, side="right")))
         yield first, last
         first = last
 
@@ -158,7 +189,7 @@ def _controls(
     """
     model, steps = scene.model, len(frame)
     target = np.zeros((steps, model.nu))
-    target[:, : len(scene.rig.joints)] = trajectory.joint_pos[frame]
+    target[:, : len(scene.rig.joints)] = trajectory.targets[frame]
     path = np.empty((steps, 0))
     if scene.mount == "hung":
         pose = np.tile(trajectory.qpos[0, :7], (steps, 1))

@@ -15,6 +15,7 @@ from sim.physical import PHYSICAL
 from sim.report import Trials
 from sim.scene import DAMPING, DRIVE, GAIN, Scene, build_scene
 from sim.simulate import Push, run_many
+from sim.upright import Upright
 
 # By how much a trial differs from the rig as it is written down: uniform, plus or minus a share.
 MASS = 0.05  # of every part: what cables, screws and covers weigh
@@ -27,7 +28,14 @@ PUSH_TIME = 0.1  # s
 
 
 def run_trials(
-    trajectory: Trajectory, scene: Scene, asked: Geometry, count: int, *, seed: int = 0, threads: int = 1
+    trajectory: Trajectory,
+    scene: Scene,
+    asked: Geometry,
+    count: int,
+    *,
+    seed: int = 0,
+    threads: int = 1,
+    upright: Upright | None = None,
 ) -> Trials:
     """How many of `count` trials pass every check on what physics made of `trajectory`.
 
@@ -43,7 +51,7 @@ def run_trials(
     pushes = [any_push(loose, trajectory.duration, draw) for draw in draws]
     failures: Counter[str] = Counter()
     passed = 0
-    for rollout in run_many(loose, models, trajectory, pushes, threads):
+    for rollout in run_many(loose, models, trajectory, pushes, threads, upright):
         evidence = Evidence(trajectory, scene, rollout, asked, measure(scene, rollout.qpos), None)
         failed = [c.name for c in (check(evidence) for check in PHYSICAL) if not c.ok]
         failures.update(failed)

@@ -1,0 +1,82 @@
+"""The gate with mending before it: a motion that passes is left alone, one that fails is mended and judged again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from retarget.rig import Mount, Rig
+from retarget.timeline import normalised
+from retarget.trajectory import Trajectory
+from sim.checks import judge
+from sim.mending.feet import between
+from sim.mending.mend import LONGEST, Mended, mend
+from sim.report import Change, Controller, Report
+from sim.simulate import Rollout
+
+PACES = (1.25, 1.5, 2.0)  # that are tried where servos are too slow or too weak
+TIRED = {"speed_saturation", "torque_saturation", "tracking_joint", "tracking_body", "jerk", "servo_heat", "supply"}
+
+
+def judge_mended(
+    trajectory: Trajectory,
+    rig: Rig,
+    *,
+    mount: Mount | None = None,
+    fix: bool = True,
+    trials: int = 0,
+    seed: int = 0,
+    threads: int = 1,
+) -> tuple[Trajectory, Report, Rollout]:
+    """The trajectory that `judge` passes, or the one that comes nearest, with its report and rollout.
+
+    It is the given one where that passes, or without `fix`. Else, on its own feet, the mended one, first without and
+    then, where the rig has what it takes, with its IMU; and where a stand or a harness holds it, a slower one. The
+    report tells what was changed. Raises what `judge` raises.
+    """
+    held = rig.mount if mount is None else mount
+
+    def judged(what: Trajectory, controller: Controller = "open_loop") -> tuple[Trajectory, Report, Rollout]:
+        return what, *judge(what, rig, mount=held, controller=controller, trials=trials, seed=seed, threads=threads)
+
+    best = judged(trajectory)
+    if best[1].ok or not fix:
+        return best
+    if held == "free" and rig.feet:
+        mended = mend(trajectory, rig)
+        controllers: tuple[Controller, ...] = ("open_loop", "imu") if can_feel(rig) else ("open_loop",)
+        tried = [(mended, controller) for controller in controllers]
+    else:
+        tired = {c.name for c in best[1].failures()} & TIRED
+        tried = [(slowed(trajectory, factor), "open_loop") for factor in PACES] if tired else []
+    for mended, controller in tried:
+        now = judged(mended.trajectory, controller)
+        now = now[0], replace(now[1], changes=mended.changes), now[2]
+        if now[1].ok:
+            return now
+        if len(now[1].failures()) < len(best[1].failures()):
+            best = now
+    return best
+
+
+def can_feel(rig: Rig) -> bool:
+    """Whether the rig has what the `imu` controller needs."""
+    return rig.sensors.imu and any(foot.upright for foot in rig.feet)
+
+
+def slowed(trajectory: Trajectory, factor: float) -> Mended:
+    """`trajectory` drawn out `factor` times. Raises ValueError for a factor below 1 or above LONGEST."""
+    if not 1 <= factor <= LONGEST:
+        raise ValueError(f"a motion can be slowed 1 to {LONGEST:g} times, not {factor}")
+    last = len(trajectory) - 1
+    at = np.linspace(0, last, round(last * factor) + 1)
+    nearest = np.rint(at).astype(int)
+    out = replace(
+        trajectory,
+        qpos=normalised(between(normalised(trajectory.qpos), at)),
+        aim=None if trajectory.aim is None else between(trajectory.aim, at),
+        contacts={name: flags[nearest] for name, flags in trajectory.contacts.items()},
+        labels=tuple(replace(x, start_s=x.start_s * factor, end_s=x.end_s * factor) for x in trajectory.labels),
+    )
+    return Mended(out, (Change("pace", factor, "times as long", f"It takes {factor:.2f} times as long."),))
