@@ -33,7 +33,13 @@ def cut_short(trajectory: Trajectory, frame: int, rig: Rig) -> Trajectory:
         foot: np.concatenate([down[:frame], down[slowing.at.astype(int)], np.full(len(back), down[-1])])
         for foot, down in trajectory.contacts.items()
     }
-    return replace(trajectory, qpos=qpos, contacts=contacts, labels=_until(trajectory.labels, frame / fps))
+    aim = None
+    if trajectory.aim is not None:  # what servos are told beyond where they are to be fades with the motion
+        lead = trajectory.aim - trajectory.joint_pos
+        slower = stretch(lead, slowing)
+        fading = np.linspace(1, 0, len(back) + 1)[1:, None] * slower[-1]
+        aim = qpos[:, 7:] + np.concatenate([lead[:frame], slower, fading])
+    return replace(trajectory, qpos=qpos, contacts=contacts, labels=_until(trajectory.labels, frame / fps), aim=aim)
 
 
 def standing_at(trajectory: Trajectory, root: Array) -> Trajectory:

@@ -126,7 +126,7 @@ def run_many(
         for first, last in _chunks(ends, CHUNK if feedback is None else 0):
             begun = ends[first - 1] if first else 0
             frame = np.repeat(np.arange(first, last), np.diff(ends[first:last], prepend=begun))
-            through: Array = (begun + 1.0 + np.arange(len(frame))) * TIMESTEP  # seconds, at the end of each step
+            through = np.arange(begun + 1, begun + 1 + len(frame)) * np.float64(TIMESTEP)  # s, at the end of each step
             controls = _controls(scene, trajectory, frame, through, pushes)
             if feedback is not None:
                 controls[..., : len(scene.rig.joints)] += feedback.added(first, state)[:, None]

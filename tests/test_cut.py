@@ -66,3 +66,13 @@ def test_what_comes_next_begins_where_the_last_ended() -> None:
     np.testing.assert_array_equal(moved.qpos[:, [2, *range(7, 10)]], qpos[:, [2, *range(7, 10)]])
     between = np.linalg.norm(np.diff(moved.root_pos, axis=0), axis=1)
     np.testing.assert_allclose(between, np.linalg.norm(np.diff(walk.root_pos, axis=0), axis=1), atol=1e-12)
+
+
+def test_what_servos_are_told_beyond_the_motion_fades_with_it() -> None:
+    whole = swing(RIG, 1.0)
+    aimed = replace(whole, aim=whole.joint_pos + 0.1)
+    short = cut_short(aimed, 25, RIG)
+    lead = short.targets - short.joint_pos
+    np.testing.assert_allclose(lead[:25], 0.1, atol=1e-12)
+    np.testing.assert_allclose(lead[-1], 0, atol=1e-12)
+    assert (np.diff(lead, axis=0) <= 1e-12).all()

@@ -18,6 +18,7 @@ import msgspec  # isort: skip
 import numpy as np  # isort: skip
 
 from drivers.control import Figure
+from drivers.messages import OPEN_LOOP
 from motiongen.candidates import choose
 from motiongen.generator import Generator, load_generator
 from motiongen.motion import Source
@@ -39,12 +40,12 @@ class Maker:
 
     def __init__(self, setup: Setup) -> None:
         from retarget.retarget import retarget
-        from sim.checks import judge
+        from sim.fix import judge_mended
 
         self._setup = setup
         self._rig: Rig = load_rig(setup.rig, Path(setup.model) if setup.model else None)
         self._generator: Generator | None = load_generator(setup.generator) if setup.generator else None
-        self._retarget, self._judge = retarget, judge
+        self._retarget, self._judge = retarget, judge_mended
 
     def do(self, job: Job) -> Made:
         """What came of `job`; a motion that cannot be made is told, not raised."""
@@ -78,16 +79,19 @@ class Maker:
         return made if made.ok else self._judged(job.number, self._still(), "it stands still")
 
     def _cut(self, job: Cut) -> Made:
-        return self._judged(job.number, cut_short(load_trajectory(job.path), job.frame, self._rig), "")
+        return self._judged(job.number, cut_short(load_trajectory(job.path), job.frame, self._rig), "", fix=False)
 
-    def _judged(self, number: int, trajectory: Trajectory, detail: str) -> Made:
-        report, _ = self._judge(trajectory, self._rig, mount=self._setup.mount)
-        path = f"{self._setup.folder}/{number}.npz" if report.ok else ""
-        if not report.ok:
-            detail = "; ".join(check.advice for check in report.failures())
-        else:
+    def _judged(self, number: int, trajectory: Trajectory, detail: str, *, fix: bool = True) -> Made:
+        trajectory, report, _ = self._judge(trajectory, self._rig, mount=self._setup.mount, fix=fix)
+        ok = report.ok and report.controller == OPEN_LOOP
+        path = f"{self._setup.folder}/{number}.npz" if ok else ""
+        if ok:
             save_trajectory(trajectory, path)
-        return Made(number, report.ok, detail, path, trajectory.duration, report.report_id, _figures(report))
+        elif report.ok:
+            detail = f"it needs the controller {report.controller}, which nothing on a stream runs"
+        else:
+            detail = "; ".join(check.advice for check in report.failures())
+        return Made(number, ok, detail, path, trajectory.duration, report.report_id, _figures(report))
 
     def _still(self) -> Trajectory:
         """The nominal pose, at the height at which the rig's idle motion begins."""

@@ -116,7 +116,7 @@ def nearest(points: Array, areas: Array) -> tuple[Array, Array]:
     along = np.roll(areas, -1, axis=1) - areas
     offset = points[:, None] - areas
     square = np.maximum((along**2).sum(-1), 1e-300)
-    inside = (along[..., 0] * offset[..., 1] - along[..., 1] * offset[..., 0] >= 0).all(1)
+    inside = np.all(along[..., 0] * offset[..., 1] - along[..., 1] * offset[..., 0] >= 0, axis=1)
     share = np.clip((offset * along).sum(-1) / square, 0, 1)
     on = areas + share[..., None] * along
     every, which = np.arange(len(points)), np.argmin(np.square(points[:, None] - on).sum(-1), axis=1)
