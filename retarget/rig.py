@@ -16,6 +16,7 @@ from retarget.servos import BOARDS, PROTOCOLS, PWM, ServoModel, servo_models
 from retarget.table import RigError, Table, known, read_toml, unique
 
 Mount = Literal["free", "stand", "hung"]
+OnFault = Literal["limp", "rest"]
 MOUNTS: tuple[Mount, ...] = ("free", "stand", "hung")
 BUILT_IN = Path(__file__).parent / "rigs"
 RIG_PATH = "RIGCAST_RIGS"  # environment variable: more folders of rigs
@@ -144,6 +145,7 @@ class Rig:
 
     `joints` are in MuJoCo's qpos order and so are all joint vectors of this project. `stand_clearance` in metres: how
     high the soles hang above the floor on the stand. `model` is relative where it was looked for and is not here.
+    `on_fault`: what the other servos do when one fails: let go too, or go to the safe pose first, then let go.
     `damping` in N·m·s/rad goes before the model's, where that is a controller's and not the bearings'.
     """
 
@@ -164,6 +166,7 @@ class Rig:
     servos: tuple[Servo, ...]
     sites: tuple[Site, ...] = ()
     damping: float | None = None
+    on_fault: OnFault = "limp"
 
     def joint_names(self) -> tuple[str, ...]:
         """Names in qpos order."""
@@ -251,6 +254,7 @@ def _rig(folder: Path, t: Table) -> Rig:
         buses=buses,
         servos=servos,
         damping=t.number("damping") if "damping" in t.data else None,
+        on_fault=t.choice("on_fault", ("limp", "rest"), "limp"),
         sites=t.tables("site", lambda s: Site(s.text("name"), s.text("body"), s.point("pos"))),
     )
 
