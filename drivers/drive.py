@@ -2,8 +2,8 @@
 
 Torque comes on with the first frame that may be followed, at the pose that the servos are in. Commands ease from there
 to the stream and then follow it; each is held to the rig's limits of position and speed. A silent stream is held, then
-ends in the rig's safe pose. A stop, a servo that does not follow, a lost port or a signal ends at once. A servo that fails
-ends at once too, unless the rig says that the others go to their safe pose before.
+ends in the rig's safe pose. A stop, a servo that does not follow, a lost port or a signal ends at once. So does a servo
+that fails, unless the rig says that the others go to their safe pose before.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from drivers.bus import Array, BusError, Reading, ServoBus, ServoError
 from drivers.clock import MonotonicClock, Ticker
-from drivers.follow import Limits, step, target_at
+from drivers.follow import Limits, slowed, step, target_at
 from drivers.frame import Frame
 from drivers.gate import Gate
 from drivers.halts import Halt
@@ -97,11 +97,11 @@ def drive(
     halts: Sequence[Halt] = (),
     watch: Callable[[RigState], None] | None = None,
 ) -> Driven:
-    """Follow the stream of `receiver` on `bus` until it ends, is stopped, trips, or a signal, `stop` or one of `halts` comes.
+    """Follow the stream of `receiver` on `bus` until it ends, is stopped, trips, or a signal, `stop` or a halt comes.
 
     `watch` sees each cycle's state. Handles SIGINT, SIGTERM and SIGHUP when run in the main thread. Torque is off when
-    it returns or raises; it raises BusError where the bus fails (a missing servo, a hardware error, a lost port). Where one
-    servo fails and the rig's `on_fault` is "rest", the others go to the safe pose first.
+    it returns or raises; it raises BusError where the bus fails (a missing servo, a hardware error, a lost port). Where
+    one servo fails and the rig's `on_fault` is "rest", the others go to the safe pose first.
     """
     loop = _Loop(rig, receiver, bus, settings or Settings(), clock or MonotonicClock(), watch)
     with caught_signals() as caught, bus:
@@ -134,7 +134,9 @@ class _Loop:
         joints = [rig.joints[c] for c in self._columns]
         self._limits = Limits(*(np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper", "velocity")))
         self._ease = np.minimum(self._limits.velocity, settings.ease_velocity)
-        self._arms = lever_arms(rig)[:, self._columns] if settings.hand_speed is not None else np.zeros((0, len(joints)))
+        self._arms = (
+            lever_arms(rig)[:, self._columns] if settings.hand_speed is not None else np.zeros((0, len(joints)))
+        )
         self._safe = np.array(rig.pose_vector(rig.safe))[self._columns]
         self._trips = _trips(rig, bus.joints, settings)
         self._rig, self._receiver, self._bus, self._settings = rig, receiver, bus, settings
@@ -143,6 +145,7 @@ class _Loop:
         self._next_ns = clock.now_ns()
         self._frame: Frame | None = None
         self._command: Array | None = None  # None while the torque is off
+        self._told: Array | None = None
         self._joined = False
         self._reading: Reading | None = None
         self.fault: ServoError | None = None  # of a servo that is done without until the others are in the safe pose
@@ -163,6 +166,7 @@ class _Loop:
         self._cycles += 1
         self._frame = self._receiver.poll(now) or self._frame
         self._mode, self._reason = self._receiver.watchdog.mode, self._receiver.watchdog.reason
+        self._told = self._command  # what the reading answers to
         self._reading = self._measure()
         if self.fault is not None and self._mode != "stopped":
             self._mode, self._reason = "tripped", str(self.fault)
@@ -256,15 +260,19 @@ class _Loop:
     def _tell(self, now: int) -> None:
         if self._reading is None:
             return
-        columns = (self._reading.position, self._reading.current, self._reading.temperature, self._reading.voltage)
+        frame, measured = self._frame, self._reading
         state = RigState(
-            self._rig.name,
-            self._rig.hash,
-            self._mode,
-            self._reason[:1000],
-            0 if self._frame is None else self._frame.seq,
-            now,
-            *(tuple(c.tolist()) for c in columns),
+            rig=self._rig.name,
+            rig_hash=self._rig.hash,
+            mode=self._mode,
+            reason=self._reason[:1000],
+            seq=0 if frame is None else frame.seq,
+            time_ns=now,
+            position=tuple(measured.position.tolist()),
+            current=tuple(measured.current.tolist()),
+            temperature=tuple(measured.temperature.tolist()),
+            voltage=tuple(measured.voltage.tolist()),
+            command=() if self._told is None else tuple(self._told.tolist()),
         )
         self._receiver.send_state(state)
         if self._watch is not None:

@@ -59,7 +59,7 @@ class ControlLines(Protocol):
 
 @contextlib.contextmanager
 def button(place: str) -> Iterator[Halt]:
-    """The button at `place`, such as `/dev/ttyUSB1:cts`: a switch that opens when pressed, from DTR or RTS to that line.
+    """The button at `place`, such as `/dev/ttyUSB1:cts`: it opens when pressed, between DTR or RTS and that line.
 
     The line is high while all is well, so that a broken wire stops the rig like a pressed button does. Raises BusError
     where the port does not open or the line is low from the start.

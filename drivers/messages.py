@@ -54,6 +54,7 @@ class Stop(msgspec.Struct, frozen=True, tag="rigcast.stop.1", tag_field="type"):
 class RigState(msgspec.Struct, frozen=True, tag="rigcast.state.1", tag_field="type"):
     """What a rig measured. All (nj,) in the rig's joint order: rad, A, °C, V; empty where the rig cannot measure it.
 
+    `command` rad is where the joints were told to be when it was measured, empty while the torque is off.
     `seq` is the frame it last followed, `time_ns` its own CLOCK_MONOTONIC, `reason` why it left "following".
     """
 
@@ -67,9 +68,10 @@ class RigState(msgspec.Struct, frozen=True, tag="rigcast.state.1", tag_field="ty
     current: Numbers = ()
     temperature: Numbers = ()
     voltage: Numbers = ()
+    command: Numbers = ()
 
     def __post_init__(self) -> None:
-        measured = [v for v in (self.current, self.temperature, self.voltage) if v]
+        measured = [v for v in (self.current, self.temperature, self.voltage, self.command) if v]
         _same_length("state", len(self.position), self.position, *measured)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Demand:
-    """What a servo is told to do: go to `goal` rad (None: let go), at `speed` rad/s and `share` of its torque at most."""
+    """What a servo is told: go to `goal` rad (None: let go), at `speed` rad/s and `share` of its torque at most."""
 
     goal: float | None
     speed: float

@@ -29,19 +29,23 @@ class Played:
     def __init__(self, trajectory: Trajectory, rig: Rig, report_id: str, patience: Patience | None = None) -> None:
         self.gate, self.watchdog, self.trouble = Gate(rig.hash), Watchdog(patience), ""
         self._frames = list(frames_of(trajectory, rig, report_id, secrets.randbits(32), 0))
-        self._first = {j: a for j, a in zip(trajectory.joints, trajectory.joint_pos[0], strict=True)}
+        self._first = dict(zip(trajectory.joints, trajectory.joint_pos[0], strict=True))
         self._order = [s.joint for s in rig.servos]
         self._seq = 0
         self._asked_ns: int | None = None
         self._began_ns: int | None = None
 
     def poll(self, now_ns: int) -> Frame | None:
-        """The frame that is due at `now_ns`: the first until the rig is there, and the last once all have been."""
+        """The frame that is due at `now_ns`: the first until the rig is there, none once all have been."""
         self._asked_ns = now_ns if self._asked_ns is None else self._asked_ns
         if self._began_ns is None and now_ns - self._asked_ns > BEGIN_S * NS:
             self._began_ns = now_ns
         began = now_ns if self._began_ns is None else self._began_ns
-        due = self._frames[min((now_ns - began) // self._frames[0].period_ns, len(self._frames) - 1)]
+        k = (now_ns - began) // self._frames[0].period_ns
+        if k >= len(self._frames):
+            self.watchdog.update(now_ns)
+            return None
+        due = self._frames[k]
         self._seq += 1
         stamped = replace(due, seq=self._seq, capture_ns=now_ns, due_ns=began + due.due_ns)
         frame = self.gate.check(encode(stamped), now_ns)

@@ -1,4 +1,4 @@
-"""How far the ends of a rig (hands, feet, head) can be from each joint: an upper bound, read from the model's file alone.
+"""How far the ends of a rig (hands, feet, head) can be from each joint at most, read from the model's file alone.
 
 A small computer inside a rig has no MuJoCo. The distances between bodies along a limb do not change when it moves, so
 their sum from a joint to the end of the limb is the furthest that the end can ever be from it.

@@ -39,6 +39,7 @@ class EmulatedServo:
         slots = sum(r.name.startswith("indirect_address_") for r in self.model.registers)
         self._end = last.address + last.size + slots  # Indirect data lies right behind the indirect addresses.
         self._values: dict[str, int] = {}
+        self._bytes: dict[str, bytes] = {}  # the same as the servo stores it
         self._defaults = {
             "model_number": made.model_number,
             "id": ident,
@@ -60,7 +61,7 @@ class EmulatedServo:
 
     def put(self, name: str, value: int) -> None:
         """Set a register from inside the servo, past all rules; tests heat and starve a servo with it."""
-        self.model.by_name[name].encode(value)
+        self._bytes[name] = self.model.by_name[name].encode(value)
         self._values[name] = value
 
     @property
@@ -235,7 +236,7 @@ class EmulatedServo:
         """What is at `address`; an indirect data register holds what its address register points at."""
         if address in self._at:
             register, k = self._at[address]
-            return register.encode(self._values[register.name])[k]
+            return self._bytes[register.name][k]
         if self.model.indirect is None:
             return 0
         target = self._values.get(f"indirect_address_{address - self.model.indirect[1] + 1}", address)
@@ -244,6 +245,6 @@ class EmulatedServo:
     def _reset(self, *, saved: bool) -> None:
         for register in self.model.registers:
             if saved or register.address not in self.model.eeprom:
-                self._values[register.name] = self._defaults.get(register.name, register.default)
+                self.put(register.name, self._defaults.get(register.name, register.default))
         self.put("present_position", self._present())
         self.put("goal_position", max(0, self._present()))

@@ -67,8 +67,8 @@ class Line:
     def read(self, name: str, idents: Sequence[int] | None = None, *, alerts: bool = True) -> dict[int, int]:
         """Register `name` of the servos `idents`, by default of all that have it, by id.
 
-        Raises BusError naming the servos that do not answer or, with `alerts`, that have a hardware error; ServoError where
-        it is one.
+        Raises BusError naming the servos that do not answer or, with `alerts`, that have a hardware error; ServoError
+        where it is one.
         """
         values: dict[int, int] = {}
         for model, ids in self._by_model(self.units if idents is None else idents, name):

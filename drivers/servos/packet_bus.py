@@ -29,9 +29,9 @@ class PacketBus:
     """The servos of `rig` at the serial `port`; a `ServoBus`.
 
     `watchdog_s`: where the servos have a bus watchdog and nothing has come over the wire for so long, they stop and
-    hold (they keep torque). `calibration`: of this unit, by default the user's file. `torque_share`, 0 to 1, of what the
-    servos can: those that cannot limit their torque give all of it. Raises BusError where the rig
-    has no servos, several buses, servos of several families, or limits that a servo as calibrated cannot reach.
+    hold (they keep torque). `calibration`: of this unit, by default the user's file. `torque_share`, 0 to 1, of what
+    the servos can: those that cannot limit their torque give all of it. Raises BusError where the rig has no servos,
+    several buses, servos of several families, or limits that a servo as calibrated cannot reach.
     """
 
     def __init__(

@@ -18,7 +18,8 @@ READ_S = 0.008  # Servos that answer one by one are read for so long in a cycle,
 class States:
     """Register values of every unit of `line`. `pace`, by id: ticks/s that the servo can make, and ticks of slack.
 
-    Every method raises BusError (ServoError where it is one) where a servo is silent, has a hardware error, or says what cannot be.
+    Every method raises BusError where servos are silent, have a hardware error, or say what cannot be; ServoError where
+    it is one.
     """
 
     def __init__(self, line: Line, pace: Mapping[int, tuple[float, float]]) -> None:
