@@ -29,6 +29,7 @@ VERBS = {
     "bus monitor": ("rigcast.bus:monitor", "what the servos of a rig measure, live"),
     "bus relax": ("rigcast.bus:relax", "torque off for all servos of a rig"),
     "bus calibrate": ("rigcast.bus:calibrate", "zero and direction of each joint, moved by hand"),
+    "bus log": ("rigcast.bus:log", "what a drive commanded and measured, as a table"),
     "bus wiggle": ("rigcast.setting_up:wiggle", "each joint a little, gently: does it turn the right way?"),
     "demo": ("rigcast.demo:demo", "the whole line without hardware, in one table"),
     "data build": ("rigcast.data:build", "make a data set out of motion files and gestures"),

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from tyro.conf import arg
+from tyro.conf import Positional, arg
 
 from retarget.rig import Mount, load_rig
 from rigcast import show
@@ -177,6 +177,20 @@ def calibrate(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -
     for name, mark in marks.items():
         print(f"{name}: direction {mark.direction:+d}, zero {mark.zero}")
     print(f"written to {path}")
+    return 0
+
+
+def log(file: Positional[Path], /, *, out: Path) -> int:
+    """Write the log of a drive (`--record FILE`) as .csv: a row a cycle, of each joint what was commanded and measured.
+
+    Args:
+        file: A log (.rigrec).
+        out: The table.
+    """
+    from drivers.recording import Recording
+    from drivers.states import write_table
+
+    print(f"wrote {out}: {write_table(Recording(file), out)} rows")
     return 0
 
 
