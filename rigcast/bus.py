@@ -49,7 +49,7 @@ def emulate(
     if physics or view != "none" or film is not None:
         from drivers.emulation.body import Body
 
-        body = Body(description, mount=mount, now=time.monotonic())
+        body = Body(description, mount=mount)
     if tcp is None:
         emulated: Emulator | TcpEmulator = Emulator(description, body=body)
     else:

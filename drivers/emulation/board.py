@@ -72,7 +72,7 @@ class EmulatedBoard:
         ticks = (calibration or load_calibration(rig)).ticks([angles[s.joint] for s in rig.servos]).tolist()
         self.servos = {s.id: PulseServo(s.model, t, now) for s, t in zip(rig.servos, ticks, strict=True)}
         if body is not None:
-            body.load({s.joint: self.servos[s.id] for s in rig.servos})
+            body.load({s.joint: self.servos[s.id] for s in rig.servos}, now)
         self.events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._baud, self._maestro = rig.buses[0].baud, isinstance(BOARDS[rig.buses[0].protocol], Maestro)
         self._device, self._crc = device, crc

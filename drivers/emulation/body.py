@@ -45,9 +45,9 @@ class Turning(Protocol):
 
 
 class Body:
-    """The rig on its `mount` (by default its own) at `pose` (nj,) rad, by default the nominal one, at `now` s.
+    """The rig on its `mount` (by default its own) at `pose` (nj,) rad, by default the nominal one.
 
-    Time passes in `advance`. Raises BusError where a joint of the rig has no servo, RigError where its model does not
+    Time passes in `advance`, from when servos turn it. Raises BusError where a joint of the rig has no servo, RigError where its model does not
     load.
     """
 
@@ -57,7 +57,6 @@ class Body:
         pose: Sequence[float] | None = None,
         mount: Mount | None = None,
         calibration: Calibration | None = None,
-        now: float = 0.0,
     ) -> None:
         if tuple(s.joint for s in rig.servos) != rig.joint_names():
             raise BusError(f"rig {rig.name!r}: a body on the bus needs a servo on every joint, in the model's order")
@@ -88,10 +87,11 @@ class Body:
         self._damping = self._model.dof_damping.copy()
         self.temperature = np.full(n, ROOM)
         self.voltage = self._supply
-        self.now = now
+        self.now = 0.0
 
-    def load(self, servos: Mapping[str, Turning]) -> None:
-        """Be what the servos, by joint, turn from now on; their motors are where it stands."""
+    def load(self, servos: Mapping[str, Turning], now: float) -> None:
+        """Be what the servos, by joint, turn from `now` s on; their motors are where it stands."""
+        self.now = now
         self._servos = tuple(servos[joint] for joint in self._joints)
         for servo in self._servos:
             servo.load = self.advance

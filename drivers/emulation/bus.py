@@ -57,7 +57,7 @@ class EmulatedBus:
             s.id: EmulatedServo(family, s.model, s.id, code, t, now) for s, t in zip(rig.servos, ticks, strict=True)
         }
         if body is not None:
-            body.load({s.joint: self.servos[s.id] for s in rig.servos})
+            body.load({s.joint: self.servos[s.id] for s in rig.servos}, now)
         self.events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._rates = {code: rate for rate, code in family.bauds.items()}
         self._parser, self._last, self._free_at = family.codec.parser(), now, now
