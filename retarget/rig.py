@@ -38,7 +38,7 @@ SAFE_TEMPERATURE = 65.0
 class Joint:
     """One actuated joint. Limits in radians, `velocity` rad/s and `torque` N·m at most, `kp` N·m/rad, `kv` N·m·s/rad.
 
-    `no_load_speed` rad/s: the torque that is left falls to nothing there.
+    `no_load_speed` rad/s: the torque that is left falls to nothing there. `friction` N·m, dry: None: as in the model.
     """
 
     name: str
@@ -49,6 +49,7 @@ class Joint:
     no_load_speed: float
     kp: float
     kv: float
+    friction: float | None = None
 
 
 @dataclass(frozen=True)

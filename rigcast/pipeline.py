@@ -75,6 +75,8 @@ def take(what: Motion | Trajectory, rig: Rig, mount: Mount | None, times: Times)
 
     Raises ValueError where a trajectory was made for another rig.
     """
+    from drivers.measured import as_measured
+
     with times.stage("import physics"):
         from sim.checks import judge
     if isinstance(what, Motion):
@@ -85,5 +87,5 @@ def take(what: Motion | Trajectory, rig: Rig, mount: Mount | None, times: Times)
     else:
         trajectory = what
     with times.stage("check"):
-        report, rollout = judge(trajectory, rig, mount=mount)
+        report, rollout = judge(trajectory, as_measured(rig), mount=mount)
     return Take(what if isinstance(what, Motion) else None, trajectory, report, rollout, rig)

@@ -47,8 +47,8 @@ class Turning(Protocol):
 class Body:
     """The rig on its `mount` (by default its own) at `pose` (nj,) rad, by default the nominal one.
 
-    Time passes in `advance`, from when servos turn it. Raises BusError where a joint of the rig has no servo, RigError where its model does not
-    load.
+    Time passes in `advance`, from when servos turn it. Raises BusError where a joint of the rig has no servo, RigError
+    where its model does not load.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Body:
         self._angle, self._speed = self._data.qpos[-n:], self._data.qvel[-n:]  # views, as is the next
         self._force = self._data.actuator_force[:n]
         self._stall = np.array([m.stall_torque for m in made])
-        self._drag = self._stall / np.array([m.no_load_speed for m in made])
+        self._drag = self._stall / np.array([j.no_load_speed for j in rig.joints])
         self._amperes = np.array([m.stall_current for m in made])
         self._rated = np.array([m.voltage for m in made])
         models = [model_of(m.name) for m in made]
