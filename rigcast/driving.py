@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 SIMULATED, EMULATED = "sim", "emulated"  # ports that are no ports: servos, or a whole bus with a body, in this process
 
+FILM_HZ, FILM_SIZE = 10.0, (360, 360)
+
 
 @dataclass(frozen=True)
 class Driving:
@@ -36,6 +38,8 @@ class Driving:
     """An emergency stop: a button that opens, between DTR and this line (cts, dsr) of a serial port of its own."""
     record: Annotated[Path | None, arg(metavar="FILE")] = None
     """Write every command and measurement to this new .rigrec file."""
+    film: Annotated[Path | None, arg(metavar="FILE")] = None
+    """With `--drive emulated`: film (.mp4, .gif) what the servos make of the motion."""
 
 
 def run(rig: Rig, port: str, source: Source, how: Driving, trouble: Callable[[], str]) -> Driven:
@@ -46,6 +50,8 @@ def run(rig: Rig, port: str, source: Source, how: Driving, trouble: Callable[[],
     from drivers.drive import Settings, drive
     from drivers.trust import GENTLE_HAND, GENTLE_RUNS, GENTLE_TORQUE, Trust, fingerprint, remember
 
+    if how.film is not None and port != EMULATED:
+        raise ValueError(f"--film films what an emulated bus does (--drive {EMULATED}); of {port} take a camera")
     trust = None if how.trusted or port in (SIMULATED, EMULATED) else trust_of(rig, port)
     gentle = trust is not None and trust.gentle
     settings = Settings(hand_speed=GENTLE_HAND if gentle else None)
@@ -58,11 +64,17 @@ def run(rig: Rig, port: str, source: Source, how: Driving, trouble: Callable[[],
             show.warn(f"{which}: {GENTLE_TORQUE:.0%} of the torque, {GENTLE_HAND} m/s at the hand at most")
         tell = _teller(trouble)
 
+        seen: list[np.ndarray] = []
+
         def watch(state: RigState) -> None:
             log(state)
             tell(state)
+            if how.film is not None and state.mode == "following":
+                seen.append(clock.qpos())  # type: ignore[attr-defined]
 
         driven = drive(rig, source, bus, settings, clock=clock, halts=halts, watch=watch)
+    if how.film is not None:
+        _film(seen, settings.rate_hz, rig, how.film)
     if trust is not None and gentle and driven.followed and driven.mode == "safe":
         remember(rig, fingerprint(rig, port), Trust(trust.runs + 1))
     return driven
@@ -131,6 +143,14 @@ def print_driven(driven: Driven) -> None:
 def exit_code(driven: Driven) -> int:
     """1 where nothing was followed or the rig tripped."""
     return 0 if driven.followed and driven.mode != "tripped" else 1
+
+
+def _film(rows: list[np.ndarray], rate_hz: float, rig: Rig, path: Path) -> None:
+    from sim.render import render_video
+
+    every = round(rate_hz / FILM_HZ)
+    render_video(np.array(rows[::every]), rate_hz / every, rig, path, size=FILM_SIZE)
+    print(f"wrote {path}", file=sys.stderr)
 
 
 def _halts(stack: ExitStack, how: Driving) -> list[Halt]:

@@ -12,10 +12,9 @@ import numpy as np
 from drivers.emulation.line import EmulatedLine
 from retarget.rig import Mount, Rig
 from rigcast import show
+from rigcast.driving import FILM_HZ, FILM_SIZE
 from sim.render import render_video
 from sim.view import Pose, view_native, view_web
-
-FPS, SIZE = 20.0, (360, 360)
 
 
 def show_body(
@@ -47,13 +46,13 @@ def show_body(
     if film is not None and not rows:
         show.warn("the torque never came on, so there is no film")
     elif film is not None:
-        render_video(np.array(rows), FPS, rig, film, size=SIZE, mount=mount)
+        render_video(np.array(rows), FILM_HZ, rig, film, size=FILM_SIZE, mount=mount)
         print(f"wrote {film}", flush=True)
 
 
 def _look(emulator: EmulatedLine, rows: list[np.ndarray], caught: list[str], ended: threading.Event) -> None:
     """A row a picture while any torque is on; sets `ended` when a signal came."""
-    while not caught and not ended.wait(1 / FPS - time.monotonic() % (1 / FPS)):
+    while not caught and not ended.wait(1 / FILM_HZ - time.monotonic() % (1 / FILM_HZ)):
         if any(emulator.torque().values()):
             rows.append(emulator.qpos())
     ended.set()

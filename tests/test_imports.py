@@ -45,6 +45,8 @@ VERBS = (
     "rigs",
     "train",
     "watching",
+    "driving",
+    "setting_up",
 )
 
 
