@@ -39,8 +39,8 @@ LETS_THROUGH = {"dynamixel2": 1 / 65536, "dynamixel1": 1 / 256, "feetech": 1 / 2
 
 @dataclass(frozen=True)
 class Row:
-    """Of `cycles` driven with `corrupt` of the bytes: how often the bus gave up; answers damaged, wrong ones that pass the
-    sum, and how many may (four standard deviations up); positions taken, those of them that are faster than the servo.
+    """Of `cycles` driven with `corrupt` of the bytes: how often the bus gave up; answers damaged, wrong ones that pass
+    the sum, and how many may (four standard deviations up); positions taken, and those that are faster than the servo.
     """
 
     protocol: str

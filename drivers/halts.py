@@ -9,7 +9,7 @@ import contextlib
 import select
 import sys
 from collections.abc import Callable, Iterator
-from typing import Literal, Protocol
+from typing import Protocol
 
 import serial
 
@@ -78,7 +78,7 @@ def button(place: str) -> Iterator[Halt]:
         yield halt
 
 
-def watch_line(port: ControlLines, line: Literal["cts", "dsr", "cd", "ri"] | str, place: str) -> Halt:
+def watch_line(port: ControlLines, line: str, place: str) -> Halt:
     """Asks `line` of an open `port`; `place` is what messages call it."""
 
     def asked() -> str:
