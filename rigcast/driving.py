@@ -50,8 +50,6 @@ def run(rig: Rig, port: str, source: Source, how: Driving, trouble: Callable[[],
     from drivers.drive import Settings, drive
     from drivers.trust import GENTLE_HAND, GENTLE_RUNS, GENTLE_TORQUE, Trust, fingerprint, remember
 
-    if how.film is not None and port != EMULATED:
-        raise ValueError(f"--film films what an emulated bus does (--drive {EMULATED}); of {port} take a camera")
     trust = None if how.trusted or port in (SIMULATED, EMULATED) else trust_of(rig, port)
     gentle = trust is not None and trust.gentle
     settings = Settings(hand_speed=GENTLE_HAND if gentle else None)
@@ -62,19 +60,17 @@ def run(rig: Rig, port: str, source: Source, how: Driving, trouble: Callable[[],
         if gentle and trust is not None:
             which = f"gentle run {trust.runs + 1} of {GENTLE_RUNS}"
             show.warn(f"{which}: {GENTLE_TORQUE:.0%} of the torque, {GENTLE_HAND} m/s at the hand at most")
-        tell = _teller(trouble)
-
-        seen: list[np.ndarray] = []
+        tell, seen = _teller(trouble), _Film(clock) if how.film is not None else None
 
         def watch(state: RigState) -> None:
             log(state)
             tell(state)
-            if how.film is not None and state.mode == "following":
-                seen.append(clock.qpos())  # type: ignore[attr-defined]
+            if seen is not None and state.mode == "following":
+                seen.look()
 
         driven = drive(rig, source, bus, settings, clock=clock, halts=halts, watch=watch)
-    if how.film is not None:
-        _film(seen, settings.rate_hz, rig, how.film)
+    if how.film is not None and seen is not None:
+        seen.write(settings.rate_hz, rig, how.film)
     if trust is not None and gentle and driven.followed and driven.mode == "safe":
         remember(rig, fingerprint(rig, port), Trust(trust.runs + 1))
     return driven
@@ -145,12 +141,31 @@ def exit_code(driven: Driven) -> int:
     return 0 if driven.followed and driven.mode != "tripped" else 1
 
 
-def _film(rows: list[np.ndarray], rate_hz: float, rig: Rig, path: Path) -> None:
-    from sim.render import render_video
+class _Film:
+    """What the body on an emulated bus does, cycle by cycle."""
 
-    every = round(rate_hz / FILM_HZ)
-    render_video(np.array(rows[::every]), rate_hz / every, rig, path, size=FILM_SIZE)
-    print(f"wrote {path}", file=sys.stderr)
+    def __init__(self, wire: Ticker) -> None:
+        from drivers.emulation.in_process import InProcess
+
+        if not isinstance(wire, InProcess):
+            raise ValueError(
+                f"--film films what an emulated bus does (--drive {EMULATED}); of a real one take a camera"
+            )
+        self._wire = wire
+        self._rows: list[np.ndarray] = []
+
+    def look(self) -> None:
+        """A cycle has passed."""
+        self._rows.append(self._wire.qpos())
+
+    def write(self, rate_hz: float, rig: Rig, path: Path) -> None:
+        """Film `rate_hz` looks a second; one of nothing is not written."""
+        from sim.render import render_video
+
+        every = round(rate_hz / FILM_HZ)
+        if self._rows:
+            render_video(np.array(self._rows[::every]), rate_hz / every, rig, path, size=FILM_SIZE)
+            print(f"wrote {path}", file=sys.stderr)
 
 
 def _halts(stack: ExitStack, how: Driving) -> list[Halt]:
