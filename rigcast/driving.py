@@ -149,7 +149,7 @@ class _Film:
 
         if not isinstance(wire, InProcess):
             raise ValueError(
-                f"--film films what an emulated bus does (--drive {EMULATED}); of a real one take a camera"
+                f"--film films what an emulated bus does (--drive {EMULATED}), no other"
             )
         self._wire = wire
         self._rows: list[np.ndarray] = []
