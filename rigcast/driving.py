@@ -148,9 +148,7 @@ class _Film:
         from drivers.emulation.in_process import InProcess
 
         if not isinstance(wire, InProcess):
-            raise ValueError(
-                f"--film films what an emulated bus does (--drive {EMULATED}), no other"
-            )
+            raise ValueError(f"--film films what an emulated bus does (--drive {EMULATED}), no other")
         self._wire = wire
         self._rows: list[np.ndarray] = []
 
