@@ -74,7 +74,8 @@ def _step(bus: ServoBus, rest: Array, n: int, turn: float, clock: Ticker) -> tup
     goal = rest.copy()
     goal[n] += turn
     began = clock.now_ns()
-    times, moved = [], []
+    times: list[float] = []
+    moved: list[float] = []
     while not times or times[-1] < STEP_S:
         bus.write(goal)
         clock.sleep_until_ns(began + round((len(times) + 1) * CYCLE_S * NS))
