@@ -44,6 +44,10 @@ class Row:
     longest_s: float
     never: int
 
+    def __str__(self) -> str:
+        times = f"{self.middle_s * 1e3:.0f} ms, {self.longest_s * 1e3:.0f} ms at most"
+        return f"{self.protocol:<12} {self.kills} kills: limp in {times}; never: {self.never}"
+
 
 def main() -> int:
     """Print the table; exit 1 with `--gate` where the target is missed."""
@@ -55,15 +59,13 @@ def main() -> int:
     options = parser.parse_args()
     if options.drive:
         return drive(*options.drive)
-    rows = [killed(protocol, QUICK_TIMES if options.quick else TIMES) for protocol in MODELS]
+    rows = []
+    for protocol in MODELS:
+        rows.append(killed(protocol, QUICK_TIMES if options.quick else TIMES))
+        if not options.json:
+            print(rows[-1], flush=True)
     if options.json:
         print(json.dumps([asdict(r) for r in rows], indent=2))
-    else:
-        for r in rows:
-            print(
-                f"{r.protocol:<12} {r.kills} kills: limp in {r.middle_s * 1e3:.0f} ms, {r.longest_s * 1e3:.0f} ms at "
-                f"most; never: {r.never}"
-            )
     missed = [r.protocol for r in rows if r.never or r.longest_s > SAFE_S]
     if options.gate and missed:
         print(f"not limp within {SAFE_S} s: {', '.join(missed)}")

@@ -16,6 +16,14 @@ class BusError(RuntimeError):
     """A servo bus that failed; one line names the port, the servo and its joint."""
 
 
+class ServoError(BusError):
+    """A servo that failed, the one of `joint`, on a bus that goes on."""
+
+    def __init__(self, message: str, joint: str) -> None:
+        super().__init__(message)
+        self.joint = joint
+
+
 @dataclass(frozen=True)
 class Reading:
     """Measured at one moment, all (n,) in the order of the bus's `joints`; (0,) where the servos cannot measure it.
@@ -52,6 +60,10 @@ class ServoBus(Protocol):
 
     def write(self, goal: Array) -> None:
         """Goal angles (n,) in rad for all servos at once; the torque must be on."""
+        ...
+
+    def leave_out(self, joint: str) -> None:
+        """Let the servo of `joint` go and do without it; what is read of it is where it was last."""
         ...
 
     def torque(self, on: bool) -> None:

@@ -57,8 +57,13 @@ class Calibration:
 
 def calibration_path(rig: str) -> Path:
     """Where this user keeps the calibration of `rig`."""
+    return unit_path("calibration", rig)
+
+
+def unit_path(what: str, rig: str) -> Path:
+    """Where this user keeps `what` is known of the built unit of `rig`."""
     config = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    return Path(config) / "rigcast" / "calibration" / f"{rig}.toml"
+    return Path(config) / "rigcast" / what / f"{rig}.toml"
 
 
 @dataclass(frozen=True)

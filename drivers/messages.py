@@ -58,9 +58,10 @@ class Stop(msgspec.Struct, frozen=True, tag="rigcast.stop.1", tag_field="type"):
 class RigState(msgspec.Struct, frozen=True, tag="rigcast.state.1", tag_field="type"):
     """What a rig measured. All (nj,) in the rig's joint order: rad, A, °C, V; empty where the rig cannot measure it.
 
-    `seq` is the frame it last followed, `time_ns` its own CLOCK_MONOTONIC, `reason` why it left "following". `frame_ns`
-    is the capture time of that frame on the sender's clock and `heard_ns` when it came, on the rig's; 0 where none has
-    come. `run`: 32 random bits, one value per run of the driver.
+    `command` rad is where the joints were told to be when it was measured, empty while the torque is off. `seq` is the
+    frame it last followed, `time_ns` its own CLOCK_MONOTONIC, `reason` why it left "following". `frame_ns` is the
+    capture time of that frame on the sender's clock and `heard_ns` when it came, on the rig's; 0 where none has come.
+    `run`: 32 random bits, one value per run of the driver.
     """
 
     rig: Text
@@ -76,9 +77,10 @@ class RigState(msgspec.Struct, frozen=True, tag="rigcast.state.1", tag_field="ty
     frame_ns: U64 = 0
     heard_ns: U64 = 0
     run: Annotated[int, msgspec.Meta(ge=0, lt=1 << 32)] = 0
+    command: Numbers = ()
 
     def __post_init__(self) -> None:
-        measured = [v for v in (self.current, self.temperature, self.voltage) if v]
+        measured = [v for v in (self.current, self.temperature, self.voltage, self.command) if v]
         _same_length("state", len(self.position), self.position, *measured)
 
 

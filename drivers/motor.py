@@ -1,4 +1,7 @@
-"""A position servo without load: proportional, first order near its goal, at constant speed far from it."""
+"""A position servo: proportional, first order near its goal, at constant speed far from it, as long as it has no load.
+
+Where it has one, `emulation/body.py` says what becomes of its motor.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,18 @@ import math
 from dataclasses import dataclass
 
 
+@dataclass(frozen=True)
+class Demand:
+    """What a servo is told: go to `goal` rad (None: let go), at `speed` rad/s and `share` of its torque at most."""
+
+    goal: float | None
+    speed: float
+    share: float = 1.0
+
+
 @dataclass
 class Motor:
-    """State of one motor. `angle` rad, `speed` rad/s.
+    """State of one motor. `angle` rad, `speed` rad/s; `temperature` °C and `voltage` V, None where nothing models them.
 
     Within `full_error` rad of the goal the speed is proportional to the error, reaching `no_load_speed` rad/s at its
     edge; the motor's inertia, gravity and the profile's acceleration are left out. `jammed` holds the shaft still.
@@ -20,6 +32,8 @@ class Motor:
     speed: float = 0.0
     effort: float = 0.0
     jammed: bool = False
+    temperature: float | None = None
+    voltage: float | None = None
 
     def advance(self, dt: float, goal: float | None, max_speed: float) -> None:
         """Move for `dt` s towards `goal` rad, at most at `max_speed` rad/s; None is torque off: nothing moves.

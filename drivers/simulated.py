@@ -63,6 +63,10 @@ class SimulatedBus:
         self._advance()
         self._goal = [float(g) for g in goal]
 
+    def leave_out(self, joint: str) -> None:
+        """Raises ValueError: servos that are only computed do not fail."""
+        raise ValueError(f"the servo of {joint} is computed: it cannot fail")
+
     def torque(self, on: bool) -> None:
         """On where they stand, or off."""
         self._advance()

@@ -16,6 +16,7 @@ from retarget.servos import BOARDS, PROTOCOLS, PWM, ServoModel, servo_models
 from retarget.table import RigError, Table, known, read_toml, unique
 
 Mount = Literal["free", "stand", "hung"]
+OnFault = Literal["limp", "rest"]
 MOUNTS: tuple[Mount, ...] = ("free", "stand", "hung")
 BUILT_IN = Path(__file__).parent / "rigs"
 RIG_PATH = "RIGCAST_RIGS"  # environment variable: more folders of rigs
@@ -37,7 +38,7 @@ SAFE_TEMPERATURE = 65.0
 class Joint:
     """One actuated joint. Limits in radians, `velocity` rad/s and `torque` N·m at most, `kp` N·m/rad, `kv` N·m·s/rad.
 
-    `no_load_speed` rad/s: the torque that is left falls to nothing there.
+    `no_load_speed` rad/s: the torque that is left falls to nothing there. `friction` N·m, dry: None: as in the model.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Joint:
     no_load_speed: float
     kp: float
     kv: float
+    friction: float | None = None
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,7 @@ class Rig:
     `joints` are in MuJoCo's qpos order and so are all joint vectors of this project. `stand_clearance` in metres: how
     high the soles hang above the floor on the stand. `model` is relative where it was looked for and is not here.
     `ahead` s: how much of the rate at which the root leans counts as lean (see `Foot.upright`).
+    `on_fault`: what the other servos do when one fails: let go too, or go to the safe pose first, then let go.
     `damping` in N·m·s/rad goes before the model's, where that is a controller's and not the bearings'.
     """
 
@@ -171,6 +174,7 @@ class Rig:
     sites: tuple[Site, ...] = ()
     ahead: float = 0.0
     damping: float | None = None
+    on_fault: OnFault = "limp"
 
     def supply(self, servo: Servo) -> float:
         """Voltage at `servo` over that at which it is rated; 1 where the rig does not tell its supply."""
@@ -265,6 +269,7 @@ def _rig(folder: Path, t: Table) -> Rig:
         servos=servos,
         ahead=t.number("ahead", 0.0),
         damping=t.number("damping") if "damping" in t.data else None,
+        on_fault=t.choice("on_fault", ("limp", "rest"), "limp"),
         sites=t.tables("site", lambda s: Site(s.text("name"), s.text("body"), s.point("pos"))),
     )
 

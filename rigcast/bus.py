@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from tyro.conf import arg
+from tyro.conf import Positional, arg
 
-from retarget.rig import load_rig
+from retarget.rig import Mount, load_rig
 from rigcast import show
 
 if TYPE_CHECKING:
@@ -20,23 +21,48 @@ if TYPE_CHECKING:
 Port = Annotated[str, arg(metavar="PORT")]
 
 
-def emulate(*, rig: str = "puppet", tcp: int | None = None) -> int:
+def emulate(
+    *,
+    rig: str = "puppet",
+    tcp: int | None = None,
+    physics: bool = False,
+    mount: Mount | None = None,
+    view: Literal["native", "web", "none"] = "none",
+    film: Annotated[Path | None, arg(metavar="FILE")] = None,
+) -> int:
     """Emulate the servo bus of a rig until Ctrl-C; prints the port to give to `rigcast drive --port`.
 
     Args:
         rig: Name of a rig (see `rigcast rigs`) or path of its folder.
         tcp: Listen on this TCP port of this machine, 0 for any, in place of a serial path.
+        physics: Let the servos turn the rig's body in MuJoCo: inertia, gravity, friction, heat, a supply that sags.
+        mount: How the base of that body is held; by default as the rig says.
+        view: Show that body in a window or in the browser.
+        film: Write an .mp4 or .gif of what it does from when the torque comes on until it is off again.
     """
     from drivers.emulation.emulator import Emulator
     from drivers.emulation.tcp import TcpEmulator
     from drivers.signals import caught_signals
 
-    body = load_rig(rig)
-    emulated = Emulator(body) if tcp is None else TcpEmulator(body, address=("127.0.0.1", tcp))
+    description = load_rig(rig)
+    body = None
+    if physics or view != "none" or film is not None:
+        from drivers.emulation.body import Body
+
+        body = Body(description, mount=mount)
+    if tcp is None:
+        emulated: Emulator | TcpEmulator = Emulator(description, body=body)
+    else:
+        emulated = TcpEmulator(description, body=body, address=("127.0.0.1", tcp))
     with caught_signals() as caught, emulated as emulator:
         print(emulator.port, flush=True)
-        while not caught:
-            time.sleep(0.1)
+        if view == "none" and film is None:
+            while not caught:
+                time.sleep(0.1)
+        else:
+            from rigcast.emulated import show_body
+
+            show_body(emulator, description, description.mount if mount is None else mount, view, film, caught)
     return 0
 
 
@@ -151,6 +177,20 @@ def calibrate(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -
     for name, mark in marks.items():
         print(f"{name}: direction {mark.direction:+d}, zero {mark.zero}")
     print(f"written to {path}")
+    return 0
+
+
+def log(file: Positional[Path], /, *, out: Path) -> int:
+    """Write the log of a drive (`--record FILE`) as .csv: a row a cycle, of each joint what was commanded and measured.
+
+    Args:
+        file: A log (.rigrec).
+        out: The table.
+    """
+    from drivers.recording import Recording
+    from drivers.states import write_table
+
+    print(f"wrote {out}: {write_table(Recording(file), out)} rows")
     return 0
 
 

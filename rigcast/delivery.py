@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import UseAppendAction, arg
 
-from rigcast import show
+from rigcast import driving, show
 from rigcast.pipeline import Take
 from rigcast.times import BEGAN, Times
 
 if TYPE_CHECKING:
+    from drivers.drive import Driven
     from sim.view import Pose, Poses
 
 LISTENER_WAIT_S = 2.0  # a receiver that was there first comes back to a new publisher within half a second
@@ -30,6 +31,10 @@ class Delivery:
     .json (report); docs/files.md has the rest."""
     publish: Annotated[str | None, arg(metavar="ENDPOINT")] = None
     """ZeroMQ endpoint to stream to, such as tcp://127.0.0.1:5555."""
+    drive: Annotated[str | None, arg(metavar="PORT")] = None
+    """Serial port of the rig's servo bus: the servos do it, here and now. "emulated" is a bus in this process that
+    turns the rig's body in MuJoCo, "sim" servos without any load."""
+    care: Annotated[driving.Driving, arg(name="")] = driving.Driving()  # noqa: RUF009
     rate: Annotated[float | None, arg(metavar="HZ")] = None
     """Frames a second on the wire, 1 to 1000; by default as many as were checked."""
     insecure: bool = False
@@ -45,10 +50,17 @@ class Delivery:
 
 
 def require(how: Delivery, *, has_motion: bool) -> None:
-    """Find out before any work what cannot be delivered. Raises OutputError, StreamError, ModuleNotFoundError."""
+    """Find out before any work what cannot be delivered, or must not be.
+
+    Raises OutputError, ValueError, StreamError, BusError, ModuleNotFoundError.
+    """
     from rigcast.outputs import require_writable
 
     require_writable(how.out, has_motion=has_motion)
+    if how.drive is not None:
+        if how.unchecked:
+            raise ValueError("--unchecked motion never reaches a servo: leave out --unchecked or --drive")
+        driving.require_port(how.drive)
     if how.publish is not None:
         from drivers.endpoint import endpoints
         from drivers.keys import keys_for
@@ -72,20 +84,27 @@ def deliver(take: Take, how: Delivery, times: Times, said: dict[str, Any]) -> in
             print(f"mended: {change.text}")
     allowed = take.report.ok or how.unchecked
     done: dict[str, Any] = {"written": [], "published": None}
+    driven = None
     if allowed:
         done = {"written": _write(take, how, times), "published": _publish(take, how, times)}
+        driven = _drive(take, how, times)
     if how.json:
-        show.print_json({**said, **show.take_dict(take), **done, "seconds": times.seconds})
+        moved = None if driven is None else driving.driven_dict(driven)
+        show.print_json({**said, **show.take_dict(take), **done, "driven": moved, "seconds": times.seconds})
     else:
         for path in done["written"]:
             print(f"wrote {path}")
+        if driven is not None:
+            driving.print_driven(driven)
         print(show.times_line(times.seconds))
     if not allowed:
         show.warn("the report failed, so nothing was written or streamed; --unchecked writes and previews it anyway")
         return 1
     if how.view != "none":
         watch(take, how.view)
-    return 1 if done["published"] and done["published"]["ended"] else 0
+    if done["published"] and done["published"]["ended"]:
+        return 1
+    return 0 if driven is None else driving.exit_code(driven)
 
 
 def _write(take: Take, how: Delivery, times: Times) -> list[str]:
@@ -126,6 +145,21 @@ def _publish(take: Take, how: Delivery, times: Times) -> dict[str, Any] | None:
     first_frame_s = sent.first_ns * 1e-9 - BEGAN
     facts = {k: v for k, v in asdict(sent).items() if k not in ("first_ns", "states")}
     return {"endpoint": how.publish, "report_id": report_id, "first_frame_s": first_frame_s, **facts}
+
+
+def _drive(take: Take, how: Delivery, times: Times) -> Driven | None:
+    if how.drive is None:
+        return None
+    from drivers.messages import OPEN_LOOP
+    from drivers.played import Played
+
+    if take.report.controller != OPEN_LOOP:
+        show.warn(f"not driven: it needs the controller {take.report.controller}, and here runs {OPEN_LOOP} alone")
+        return None
+
+    played = Played(take.trajectory, take.rig, take.report.report_id)
+    with times.stage("drive"):
+        return driving.run(take.rig, how.drive, played, how.care, lambda: "")
 
 
 def watch(take: Take, where: Literal["native", "web"]) -> None:

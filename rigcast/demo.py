@@ -69,7 +69,9 @@ def play_on_emulated_bus(trajectory: Trajectory, rig: Rig, report_id: str) -> di
         endpoint = f"ipc://{room}/stream"
         with _rigcast("bus", "emulate", "--rig", RIG) as bus:
             port = _line(bus.stdout)
-            with _rigcast("drive", "--rig", RIG, "--port", port, "--endpoint", endpoint, "--json") as driver:
+            with _rigcast(
+                "drive", "--rig", RIG, "--port", port, "--endpoint", endpoint, "--trusted", "--json"
+            ) as driver:
                 said = ""
                 while said != "waiting":
                     said = _line(driver.stderr, said)

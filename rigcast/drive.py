@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-import numpy as np
 from tyro.conf import arg
 
 from drivers.endpoint import DEFAULT
-from retarget.rig import Rig, load_rig
-from rigcast import show
-
-if TYPE_CHECKING:
-    from drivers.bus import ServoBus
-    from drivers.drive import Driven
-    from drivers.messages import RigState
-    from drivers.receiver import Receiver
-
-SIMULATED = "sim"
+from retarget.rig import load_rig
+from rigcast import driving, show
 
 
 def drive(
@@ -31,9 +20,10 @@ def drive(
     buffer: Annotated[float, arg(metavar="SECONDS")] = 0.0,
     leader: str = "",
     insecure: bool = False,
+    how: Annotated[driving.Driving, arg(name="")] = driving.Driving(),  # noqa: B008
     json: bool = False,
 ) -> int:
-    """Follow the stream on ENDPOINT with the servos on PORT until it ends, Ctrl-C or a stop; then torque is off.
+    """Follow the stream on ENDPOINT with the servos on PORT until it ends, any key or a stop; then torque is off.
 
     Exit 1 where nothing was followed or a servo tripped.
 
@@ -46,7 +36,6 @@ def drive(
         insecure: Follow a stream of another machine without keys: whoever is in that network can move the rig.
         json: Print one JSON document instead of a table.
     """
-    from drivers.drive import drive as run
     from drivers.endpoint import endpoints
     from drivers.keys import keys_for
     from drivers.receiver import Receiver
@@ -57,50 +46,9 @@ def drive(
         endpoint, rig_hash=body.hash, buffer_s=buffer, keys=keys, leader=leader, insecure=insecure
     ) as receiver:
         print(f"{rig} on {port} listens on {endpoint}", file=sys.stderr, flush=True)
-        driven = run(body, receiver, bus_on(port, body), watch=_teller(receiver))
+        driven = driving.run(body, port, receiver, how, lambda: receiver.trouble)
     if json:
-        show.print_json({**asdict(driven), "rms_error": driven.rms_error.tolist()})
+        show.print_json(driving.driven_dict(driven))
     else:
-        _print(driven)
-    return 0 if driven.followed and driven.mode != "tripped" else 1
-
-
-def bus_on(port: str, rig: Rig) -> ServoBus:
-    """The servo bus of `rig` on `port`, not yet opened; `sim` is in process. Raises BusError."""
-    if port == SIMULATED:
-        from drivers.simulated import SimulatedBus
-
-        return SimulatedBus(rig)
-    from drivers.servos.connect import connect
-
-    return connect(rig, port, guarded=True)
-
-
-def _teller(receiver: Receiver) -> Callable[[RigState], None]:
-    """Says each change of mode on stderr, and why no stream comes."""
-    told = ""
-    tell_trouble = show.warner()
-
-    def tell(state: RigState) -> None:
-        nonlocal told
-        now = f"{state.mode}: {state.reason}" if state.reason else state.mode
-        if now != told:
-            print(now, file=sys.stderr, flush=True)
-        told = now
-        tell_trouble(receiver.trouble)
-
-    return tell
-
-
-def _print(driven: Driven) -> None:
-    table = show.new_table("joint", "rms error (rad)", title=f"{driven.mode}: {driven.reason}")
-    for joint, error in zip(driven.joints, driven.rms_error, strict=True):
-        table.add_row(joint, f"{error:.4f}")
-    console = show.console()
-    console.print(table)
-    rms = float(np.sqrt(np.mean(driven.rms_error**2)))
-    refused = ", ".join(f"{count} {why}" for why, count in driven.refused.items() if count) or "none"
-    print(
-        f"{driven.followed} of {driven.cycles} cycles followed, rms {rms:.4f} rad, {driven.held_back} held back by a "
-        f"limit, {driven.late} late; {driven.accepted} frames taken, {driven.gaps} missed, refused: {refused}"
-    )
+        driving.print_driven(driven)
+    return driving.exit_code(driven)

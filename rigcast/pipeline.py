@@ -86,6 +86,8 @@ def take(
 
     With `fix` what fails there is mended, see `sim.fix`. Raises ValueError where a trajectory is of another rig.
     """
+    from drivers.measured import as_measured
+
     with times.stage("import physics"):
         from sim.fix import judge_mended
     if isinstance(what, Motion):
@@ -98,6 +100,6 @@ def take(
     with times.stage("check"):
         threads = min(os.cpu_count() or 1, MOST_THREADS)
         trajectory, report, rollout = judge_mended(
-            trajectory, rig, mount=mount, fix=fix, trials=trials, seed=seed, threads=threads
+            trajectory, as_measured(rig), mount=mount, fix=fix, trials=trials, seed=seed, threads=threads
         )
     return Take(what if isinstance(what, Motion) else None, trajectory, report, rollout, rig)

@@ -96,8 +96,9 @@ def build_scene(rig: Rig, mount: Mount, root: ArrayLike, *, play: bool = False) 
     add_floor(spec)
     for joint in rig.joints:
         _add_motor(spec, joint)
+    measured = {j.name: j.friction for j in rig.joints if j.friction is not None}
     for servo in rig.servos:
-        _fit_servo(spec, rig, servo, play)
+        _fit_servo(spec, rig, servo, measured.get(servo.joint, servo.model.friction), play)
     if mount == "stand":
         body = spec.body(rig.root)
         spec.delete(body.joints[0])  # the free joint: load_spec sees to it that there is just this one
@@ -152,7 +153,7 @@ def _add_motor(spec: mujoco.MjSpec, joint: Joint) -> None:
     add_force_sensor(spec, joint.name)
 
 
-def _fit_servo(spec: mujoco.MjSpec, rig: Rig, servo: Servo, play: bool) -> None:
+def _fit_servo(spec: mujoco.MjSpec, rig: Rig, servo: Servo, friction: float, play: bool) -> None:
     """The supply that drives the motor, the friction of its gears and, where asked for, their play."""
     motor, hinge = spec.actuator(servo.joint), spec.joint(servo.joint)
     drive = rig.supply(servo)
@@ -160,7 +161,7 @@ def _fit_servo(spec: mujoco.MjSpec, rig: Rig, servo: Servo, play: bool) -> None:
     gain[DRIVE] = drive
     motor.gainprm = gain
     motor.forcerange = drive * motor.forcerange
-    hinge.frictionloss, hinge.solimp_friction = servo.model.friction, STICKING
+    hinge.frictionloss, hinge.solimp_friction = friction, STICKING
     if play and servo.model.play:
         unit = math.degrees(1) if spec.compiler.degree else 1.0
         half = 0.5 * servo.model.play * unit

@@ -48,6 +48,8 @@ VERBS = (
     "bridge",
     "train",
     "watching",
+    "driving",
+    "setting_up",
 )
 
 

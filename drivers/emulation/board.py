@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from drivers.calibration import Calibration, load_calibration
 from drivers.emulation.listeners import Event
-from drivers.motor import Motor
+from drivers.motor import Demand, Motor
 from drivers.servos.pwm import Maestro, crc7
 from drivers.servos.pwm_bus import BOARDS
 from retarget.rig import FULL_TORQUE_ERROR, Rig
 from retarget.servos import ServoModel
+
+if TYPE_CHECKING:
+    from drivers.emulation.body import Body
 
 BITS_PER_BYTE = 10
 EVENTS_KEPT = 200_000
@@ -29,6 +33,7 @@ class PulseServo:
         self._radians = 2 * math.pi / made.ticks_per_turn
         self.motor = Motor(made.no_load_speed, FULL_TORQUE_ERROR, us * self._radians)
         self.pulse, self.now = 0, now
+        self.load: Callable[[float], None] | None = None
 
     def get(self, name: str) -> int:
         """`torque_enable`, `goal_position` (the pulse) or `present_position`, both µs."""
@@ -39,7 +44,14 @@ class PulseServo:
     def advance(self, now: float) -> None:
         """Bring the motor to `now`."""
         dt, self.now = max(0.0, now - self.now), max(now, self.now)
-        self.motor.advance(dt, self.pulse * self._radians if self.pulse else None, math.inf)
+        if self.load is not None:
+            self.load(now)
+        else:
+            self.motor.advance(dt, self.demand().goal, math.inf)
+
+    def demand(self) -> Demand:
+        """What its pulse tells its motor to do."""
+        return Demand(self.pulse * self._radians if self.pulse else None, math.inf)
 
 
 class EmulatedBoard:
@@ -51,6 +63,7 @@ class EmulatedBoard:
         pose: Sequence[float] | None = None,
         calibration: Calibration | None = None,
         now: float = 0.0,
+        body: Body | None = None,
         *,
         device: int = 12,
         crc: bool = False,
@@ -58,6 +71,8 @@ class EmulatedBoard:
         angles = dict(zip(rig.joint_names(), rig.pose_vector(rig.nominal) if pose is None else pose, strict=True))
         ticks = (calibration or load_calibration(rig)).ticks([angles[s.joint] for s in rig.servos]).tolist()
         self.servos = {s.id: PulseServo(s.model, t, now) for s, t in zip(rig.servos, ticks, strict=True)}
+        if body is not None:
+            body.load({s.joint: self.servos[s.id] for s in rig.servos}, now)
         self.events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._baud, self._maestro = rig.buses[0].baud, isinstance(BOARDS[rig.buses[0].protocol], Maestro)
         self._device, self._crc = device, crc

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from drivers.calibration import Calibration, load_calibration
 from drivers.emulation import protocol2, summed
@@ -12,6 +13,9 @@ from drivers.emulation.servo import EmulatedServo
 from drivers.servos.family import Packet
 from drivers.servos.table import family_of
 from retarget.rig import Rig
+
+if TYPE_CHECKING:
+    from drivers.emulation.body import Body
 
 RETURN_DELAY_S = 2e-6  # one unit of the return delay register
 BITS_PER_BYTE = 10  # start, eight, stop
@@ -31,7 +35,8 @@ class EmulatedBus:
     """The servos of `rig` on one wire, standing at `pose` (nj,) rad, by default the rig's nominal pose, at
     the time `now` s.
 
-    `servos`: by id as built; a servo answers to its id register. `events`: the last writes that were taken. Raises
+    `body`: what the servos turn; without one they run free. `servos`: by id as built; a servo answers to its id
+    register. `events`: the last writes that were taken. Raises
     BusError where the rig has no servos, or one that is not emulated, or a baud rate that they do not run at.
     """
 
@@ -41,6 +46,7 @@ class EmulatedBus:
         pose: Sequence[float] | None = None,
         calibration: Calibration | None = None,
         now: float = 0.0,
+        body: Body | None = None,
     ) -> None:
         self._family = family = family_of(rig)
         angles = dict(zip(rig.joint_names(), rig.pose_vector(rig.nominal) if pose is None else pose, strict=True))
@@ -50,6 +56,8 @@ class EmulatedBus:
         self.servos = {
             s.id: EmulatedServo(family, s.model, s.id, code, t, now) for s, t in zip(rig.servos, ticks, strict=True)
         }
+        if body is not None:
+            body.load({s.joint: self.servos[s.id] for s in rig.servos}, now)
         self.events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._rates = {code: rate for rate, code in family.bauds.items()}
         self._parser, self._last, self._free_at = family.codec.parser(), now, now

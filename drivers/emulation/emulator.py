@@ -12,11 +12,15 @@ import threading
 import time
 from collections.abc import Sequence
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from drivers.bus import BusError
 from drivers.calibration import Calibration
-from drivers.emulation.line import EmulatedLine
+from drivers.emulation.line import TICK_S, EmulatedLine
 from retarget.rig import Rig
+
+if TYPE_CHECKING:
+    from drivers.emulation.body import Body
 
 RATES = (9600, 19200, 38400, 57600, 115200, 500000, 1000000, 2000000, 3000000, 4000000)  # those that termios names
 
@@ -33,11 +37,12 @@ class Emulator(EmulatedLine):
         pose: Sequence[float] | None = None,
         calibration: Calibration | None = None,
         *,
+        body: Body | None = None,
         echo: bool = False,
         latency_s: float = 0.0,
         seed: int = 0,
     ) -> None:
-        super().__init__(rig, pose, calibration, time.monotonic(), echo=echo, latency_s=latency_s, seed=seed)
+        super().__init__(rig, pose, calibration, time.monotonic(), body=body, echo=echo, latency_s=latency_s, seed=seed)
 
     def __enter__(self) -> Emulator:
         try:
@@ -73,10 +78,14 @@ class Emulator(EmulatedLine):
             os.close(descriptor)
 
     def _serve(self) -> None:
+        idle_s = None if self._body is None else TICK_S
         while True:
-            ready, _, _ = select.select([self._master, self._wake_read], [], [])
+            ready, _, _ = select.select([self._master, self._wake_read], [], [], idle_s)
             if self._wake_read in ready:
                 return
+            if not ready:
+                self.tick()
+                continue
             arrived = time.monotonic()
             data = os.read(self._master, 4096)
             host_baud = self._rate_of.get(self._host_speed())

@@ -6,10 +6,14 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from drivers.calibration import Calibration
 from drivers.emulation.line import EmulatedLine
 from retarget.rig import Rig
+
+if TYPE_CHECKING:
+    from drivers.emulation.body import Body
 
 NS = 1_000_000_000
 
@@ -28,12 +32,13 @@ class InProcess(EmulatedLine):
         pose: Sequence[float] | None = None,
         calibration: Calibration | None = None,
         *,
+        body: Body | None = None,
         echo: bool = False,
         latency_s: float = 0.0,
         seed: int = 0,
         host_s: float = 0.0,
     ) -> None:
-        super().__init__(rig, pose, calibration, 0.0, echo=echo, latency_s=latency_s, seed=seed)
+        super().__init__(rig, pose, calibration, 0.0, body=body, echo=echo, latency_s=latency_s, seed=seed)
         self._time, self._host_s = 0.0, host_s
         self._due: list[tuple[float, int, bytes]] = []
         self._count = 0

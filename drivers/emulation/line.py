@@ -9,6 +9,7 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 from random import Random
+from typing import TYPE_CHECKING
 
 from drivers.calibration import Calibration
 from drivers.emulation.board import EmulatedBoard, PulseServo
@@ -19,7 +20,11 @@ from drivers.emulation.servo import EmulatedServo
 from retarget.rig import Rig
 from retarget.servos import BOARDS
 
+if TYPE_CHECKING:
+    from drivers.emulation.body import Array, Body
+
 TRAFFIC_KEPT = 100_000
+TICK_S = 0.02  # how often a body moves on while nobody asks
 
 
 class EmulatedLine:
@@ -37,12 +42,14 @@ class EmulatedLine:
         calibration: Calibration | None,
         now: float,
         *,
+        body: Body | None = None,
         echo: bool = False,
         latency_s: float = 0.0,
         seed: int = 0,
     ) -> None:
         kind = EmulatedBoard if rig.buses and rig.buses[0].protocol in BOARDS else EmulatedBus
-        self.bus = kind(rig, pose, calibration, now)
+        self.bus = kind(rig, pose, calibration, now, body)
+        self._body = body
         self._joint_ids = {s.joint: s.id for s in rig.servos}
         self._lock = threading.Lock()
         self._echo, self._latency_s, self._random = echo, latency_s, Random(seed)
@@ -65,6 +72,20 @@ class EmulatedLine:
         if self._echo:
             replies.insert(0, (0.0, data))
         return [(after + noise.late_s + self._latency_s, reply) for after, reply in replies]
+
+    def tick(self) -> None:
+        """Let the body's time pass while nobody asks anything; does nothing where there is none."""
+        if self._body is not None:
+            with self._lock:
+                self._body.advance(self.now())
+
+    def qpos(self) -> Array:
+        """Where the body is now, (7 + nj,) as of `Trajectory`. Raises ValueError where the servos turn none."""
+        if self._body is None:
+            raise ValueError("the servos of this bus turn no body")
+        self.tick()
+        with self._lock:
+            return self._body.qpos()
 
     def get(self, joint: str, register: str) -> int:
         """Value of a register of the servo of `joint`, now."""

@@ -6,8 +6,9 @@ Times are seconds of any one clock. Position mode only: the motor always follows
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from drivers.motor import Motor
+from drivers.motor import Demand, Motor
 from drivers.servos.dynamixel2 import Fault
 from drivers.servos.family import Family, Register
 from drivers.servos.x_series import TICK_S, WATCHDOG_TRIPPED
@@ -25,7 +26,8 @@ REFUSING = ("dynamixel2", "dynamixel1")  # The others go to the limit without a 
 class EmulatedServo:
     """A servo of `family`, of the model that `made` names, with `ident` on the bus and its shaft at `ticks`.
 
-    `error` holds the bits that it adds to every reply for as long as its trouble lasts.
+    `error` holds the bits that it adds to every reply for as long as its trouble lasts. `load`, where it has one, turns
+    its motor until the time that it is given.
     """
 
     def __init__(self, family: Family, made: ServoModel, ident: int, baud_code: int, ticks: float, now: float) -> None:
@@ -37,6 +39,7 @@ class EmulatedServo:
         slots = sum(r.name.startswith("indirect_address_") for r in self.model.registers)
         self._end = last.address + last.size + slots  # Indirect data lies right behind the indirect addresses.
         self._values: dict[str, int] = {}
+        self._bytes: dict[str, bytes] = {}  # the same as the servo stores it
         self._defaults = {
             "model_number": made.model_number,
             "id": ident,
@@ -45,6 +48,7 @@ class EmulatedServo:
         }
         self._stall = made.stall_current
         self.motor = Motor(made.no_load_speed, self.model.full_error, ticks * self.radians)
+        self.load: Callable[[float], None] | None = None
         self.error, self._failed = 0, False
         self.pending: tuple[int, bytes] | None = None
         self.now = self._fed = now
@@ -57,7 +61,7 @@ class EmulatedServo:
 
     def put(self, name: str, value: int) -> None:
         """Set a register from inside the servo, past all rules; tests heat and starve a servo with it."""
-        self.model.by_name[name].encode(value)
+        self._bytes[name] = self.model.by_name[name].encode(value)
         self._values[name] = value
 
     @property
@@ -105,6 +109,7 @@ class EmulatedServo:
             self.put("goal_position", self._present())
             self.put("bus_watchdog", WATCHDOG_TRIPPED)
         self._turn(now)
+        self._feel()
         self.put("present_position", self._present())
         if self.model.current is not None:
             name, unit = self.model.current
@@ -184,15 +189,45 @@ class EmulatedServo:
     def _shutdown(self) -> int:
         return self._values.get("shutdown", 0xFF)
 
-    def _turn(self, now: float) -> None:
-        dt, self.now = max(0.0, now - self.now), max(now, self.now)
+    def demand(self) -> Demand:
+        """What its registers tell its motor to do."""
+        share = 1.0
+        if self.model.torque is not None:
+            limit = self.model.torque[0]
+            share = self.get(limit) / self.model.by_name[limit].high
         top = self._move_speed
         if self.model.speed is not None:
             name, unit = self.model.speed
             top = self.get(name) * unit or math.inf
         ticks = self.get("goal_position") & 0xFFFF if self.family.name == "lx16a" else self.get("goal_position")
         goal = (ticks - self._values.get("homing_offset", 0)) * self.radians
-        self.motor.advance(dt, goal if self.get("torque_enable") else None, top)
+        return Demand(goal if self.get("torque_enable") else None, top, share)
+
+    def _turn(self, now: float) -> None:
+        dt, self.now = max(0.0, now - self.now), max(now, self.now)
+        if self.load is not None:
+            self.load(now)
+            return
+        demand = self.demand()
+        self.motor.advance(dt, demand.goal, demand.speed)
+
+    def _feel(self) -> None:
+        """What a motor with a load says of its heat and supply; beyond what the servo is set to bear, it lets go."""
+        if self.motor.temperature is None or self.motor.voltage is None:
+            return
+        self.put("present_temperature", round(self.motor.temperature))
+        self.put("present_input_voltage", round(self.motor.voltage / self.model.voltage_unit))
+        if self._failed:
+            return
+        if self.get("present_temperature") > self.get("temperature_limit"):
+            self.fail("overheating")
+        elif self.get("present_input_voltage") < self._least_voltage():
+            self.fail("input voltage")
+
+    def _least_voltage(self) -> int:
+        if "min_voltage_limit" in self.model.by_name:
+            return self.get("min_voltage_limit")
+        return self.get("voltage_limits") & 0xFFFF
 
     def _present(self) -> int:
         return round(self.motor.angle / self.radians) + self._values.get("homing_offset", 0)
@@ -201,7 +236,7 @@ class EmulatedServo:
         """What is at `address`; an indirect data register holds what its address register points at."""
         if address in self._at:
             register, k = self._at[address]
-            return register.encode(self._values[register.name])[k]
+            return self._bytes[register.name][k]
         if self.model.indirect is None:
             return 0
         target = self._values.get(f"indirect_address_{address - self.model.indirect[1] + 1}", address)
@@ -210,6 +245,6 @@ class EmulatedServo:
     def _reset(self, *, saved: bool) -> None:
         for register in self.model.registers:
             if saved or register.address not in self.model.eeprom:
-                self._values[register.name] = self._defaults.get(register.name, register.default)
+                self.put(register.name, self._defaults.get(register.name, register.default))
         self.put("present_position", self._present())
         self.put("goal_position", max(0, self._present()))

@@ -11,10 +11,14 @@ import threading
 import time
 from collections.abc import Sequence
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from drivers.calibration import Calibration
-from drivers.emulation.line import EmulatedLine
+from drivers.emulation.line import TICK_S, EmulatedLine
 from retarget.rig import Rig
+
+if TYPE_CHECKING:
+    from drivers.emulation.body import Body
 
 
 class TcpEmulator(EmulatedLine):
@@ -29,10 +33,11 @@ class TcpEmulator(EmulatedLine):
         pose: Sequence[float] | None = None,
         calibration: Calibration | None = None,
         *,
+        body: Body | None = None,
         address: tuple[str, int] = ("127.0.0.1", 0),
         seed: int = 0,
     ) -> None:
-        super().__init__(rig, pose, calibration, time.monotonic(), seed=seed)
+        super().__init__(rig, pose, calibration, time.monotonic(), body=body, seed=seed)
         self._address, self._baud = address, rig.buses[0].baud
 
     def __enter__(self) -> TcpEmulator:
@@ -46,8 +51,7 @@ class TcpEmulator(EmulatedLine):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._stopped.set()
-        with socket.create_connection(self._server.getsockname()[:2]):  # wakes the thread where it waits for a host
-            self._thread.join()
+        self._thread.join()
         self._server.close()
 
     def now(self) -> float:
@@ -55,11 +59,16 @@ class TcpEmulator(EmulatedLine):
         return time.monotonic()
 
     def _serve(self) -> None:
+        self._server.settimeout(TICK_S)
         while not self._stopped.is_set():
-            host, _ = self._server.accept()
+            try:
+                host, _ = self._server.accept()
+            except TimeoutError:
+                self.tick()
+                continue
             with host, contextlib.suppress(OSError):  # a host that went away in the middle
                 host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                host.settimeout(0.1)
+                host.settimeout(TICK_S)
                 self._talk(host)
 
     def _talk(self, host: socket.socket) -> None:
@@ -67,6 +76,7 @@ class TcpEmulator(EmulatedLine):
             try:
                 data = host.recv(4096)
             except TimeoutError:
+                self.tick()
                 continue
             if not data:
                 return

@@ -17,10 +17,11 @@ def connect(
     port: str | Wire,
     *,
     calibration: Calibration | None = None,
+    torque_share: float = 1.0,
     guarded: bool = False,
     silence_s: float = SILENCE_S,
 ) -> ServoBus:
-    """The servo bus of `rig` on the serial `port`, not yet opened.
+    """The servo bus of `rig` on the serial `port`, not yet opened; `torque_share` as of `PacketBus`, which boards lack.
 
     `guarded`: the port is opened by a process of its own, which switches all servos off where this one dies, or
     says nothing for `silence_s` (an SSC-32U it leaves in peace: it is asked nothing while its pulses are off). Raises
@@ -32,7 +33,7 @@ def connect(
         port = GuardedWire(port, off_bytes(rig), None if rig.buses[0].protocol == "ssc32" else silence_s)
     if rig.buses[0].protocol in BOARDS:
         return PwmBus(rig, port, calibration=calibration)
-    return PacketBus(rig, port, calibration=calibration)
+    return PacketBus(rig, port, calibration=calibration, torque_share=torque_share)
 
 
 def off_bytes(rig: Rig) -> bytes:

@@ -62,8 +62,8 @@ class Dynamixel1:
         ids, span = tuple(idents), bytes([address, size])
         if group:
             data = FRAME.build(BROADCAST, Instruction.SYNC_READ, span + bytes(ids))
-            return [Request(data, ids, size, len(ids) * (OVERHEAD + size))]
-        return [Request(FRAME.build(i, Instruction.READ, span), (i,), size, OVERHEAD + size) for i in ids]
+            return [Request(data, ids, size, len(ids) * (OVERHEAD + size), address)]
+        return [Request(FRAME.build(i, Instruction.READ, span), (i,), size, OVERHEAD + size, address) for i in ids]
 
     def write(self, address: int, rows: Sequence[tuple[int, bytes]]) -> bytes:
         """A sync write."""

@@ -130,8 +130,9 @@ class Dynamixel2:
         ids, span = tuple(idents), address.to_bytes(2, "little") + size.to_bytes(2, "little")
         if fast:
             data = build(BROADCAST, Instruction.FAST_SYNC_READ, span + bytes(ids))
-            return [Request(data, ids, size, 8 + len(ids) * (size + 4))]
-        return [Request(build(BROADCAST, Instruction.SYNC_READ, span + bytes(ids)), ids, size, len(ids) * (size + 11))]
+            return [Request(data, ids, size, 8 + len(ids) * (size + 4), address)]
+        data = build(BROADCAST, Instruction.SYNC_READ, span + bytes(ids))
+        return [Request(data, ids, size, len(ids) * (size + 11), address)]
 
     def write(self, address: int, rows: Sequence[tuple[int, bytes]]) -> bytes:
         """A sync write."""

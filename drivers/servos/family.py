@@ -145,12 +145,16 @@ class Reply(NamedTuple):
 
 @dataclass(frozen=True)
 class Request:
-    """`data` to send, `ids` that each answer `size` bytes of data, in `reply_bytes` on the wire altogether."""
+    """`data` to send, `ids` that each answer `size` bytes of data, in `reply_bytes` on the wire altogether.
+
+    `address`: what is asked for, None for whether somebody is there.
+    """
 
     data: bytes
     ids: tuple[int, ...]
     size: int
     reply_bytes: int
+    address: int | None = None
 
 
 class Parser(Protocol):

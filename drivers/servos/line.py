@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.bus import BusError
+from drivers.bus import BusError, ServoError
 from drivers.servos.family import Block, Family, Model, Reply, Request
 from drivers.servos.port import Port
 
@@ -67,7 +67,8 @@ class Line:
     def read(self, name: str, idents: Sequence[int] | None = None, *, alerts: bool = True) -> dict[int, int]:
         """Register `name` of the servos `idents`, by default of all that have it, by id.
 
-        Raises BusError naming the servos that do not answer or, with `alerts`, that have a hardware error.
+        Raises BusError naming the servos that do not answer or, with `alerts`, that have a hardware error; ServoError
+        where it is one.
         """
         values: dict[int, int] = {}
         for model, ids in self._by_model(self.units if idents is None else idents, name):
@@ -93,7 +94,8 @@ class Line:
             for request in codec.read(missing, block.address, block.size, group=group, fast=False):
                 replies |= self.port.ask(codec, request)
         if missing := [i for i in idents if i not in replies]:
-            raise BusError(self._silence(missing))
+            what = self._silence(missing)
+            raise ServoError(what, self.units[missing[0]].joint) if len(missing) == 1 else BusError(what)
         if alerts:
             for ident in idents:
                 self.check(replies[ident])
@@ -124,7 +126,7 @@ class Line:
         return out
 
     def check(self, reply: Reply) -> None:
-        """Raises BusError where the error byte of `reply` tells of the servo's health."""
+        """Raises ServoError where the error byte of `reply` tells of the servo's health."""
         bits = reply.error & self.family.alerts
         if not bits:
             return
@@ -134,11 +136,12 @@ class Line:
         self.fail(unit, bits)
 
     def fail(self, unit: Unit, bits: int) -> None:
-        """Raises BusError with the names of the error `bits` of `unit`."""
+        """Raises ServoError with the names of the error `bits` of `unit`."""
         names = [name for bit, name in unit.model.errors.items() if bits >> bit & 1]
-        raise BusError(
+        raise ServoError(
             f"{unit}: hardware error: {', '.join(names) or f'unknown (0x{bits:02x})'}; "
-            "remove the cause, then power it anew"
+            "remove the cause, then power it anew",
+            unit.joint,
         )
 
     def _first(self, request: Request) -> Reply | None:

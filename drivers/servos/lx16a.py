@@ -47,7 +47,7 @@ class Lx16a:
     def read(self, idents: Sequence[int], address: int, size: int, *, group: bool, fast: bool) -> list[Request]:
         """One request for each servo."""
         command = address if address in READ_ONLY else address + 1
-        return [Request(FRAME.build(i, command), (i,), size, OVERHEAD + size) for i in idents]
+        return [Request(FRAME.build(i, command), (i,), size, OVERHEAD + size, address) for i in idents]
 
     def write(self, address: int, rows: Sequence[tuple[int, bytes]]) -> bytes:
         """One frame for each servo, one after the other."""

@@ -29,13 +29,22 @@ class PacketBus:
     """The servos of `rig` at the serial `port`; a `ServoBus`.
 
     `watchdog_s`: where the servos have a bus watchdog and nothing has come over the wire for so long, they stop and
-    hold (they keep torque). `calibration`: of this unit, by default the user's file. Raises BusError where the rig
-    has no servos, several buses, servos of several families, or limits that a servo as calibrated cannot reach.
+    hold (they keep torque). `calibration`: of this unit, by default the user's file. `torque_share`, 0 to 1, of what
+    the servos can: those that cannot limit their torque give all of it. Raises BusError where the rig has no servos,
+    several buses, servos of several families, or limits that a servo as calibrated cannot reach.
     """
 
     def __init__(
-        self, rig: Rig, port: str | Wire, *, calibration: Calibration | None = None, watchdog_s: float = 0.5
+        self,
+        rig: Rig,
+        port: str | Wire,
+        *,
+        calibration: Calibration | None = None,
+        watchdog_s: float = 0.5,
+        torque_share: float = 1.0,
     ) -> None:
+        if not 0 < torque_share <= 1:
+            raise BusError(f"torque_share {torque_share}; it is above 0 and at most 1")
         family = family_of(rig)
         self.joints = tuple(s.joint for s in rig.servos)
         self._calibration = calibration or load_calibration(rig)
@@ -58,7 +67,9 @@ class PacketBus:
         self._speed = {u.id: math.ceil(speed[u.joint] / u.model.speed[1]) for u in units if u.model.speed is not None}
         self._voltage_unit = np.array([u.model.voltage_unit for u in units])
         self._current = [u.model.current or ("", 0.0) for u in units]
+        self._share = torque_share
         self._may_be_on = False
+        self._left_out: dict[int, Unit] = {}
 
     def __enter__(self) -> PacketBus:
         self._port.__enter__()
@@ -102,7 +113,8 @@ class PacketBus:
         if silence > self._watchdog_s:
             raise BusError(f"{self._port.path}: nothing was sent for {silence:.2f} s: the servos stopped themselves")
         ticks = dict(zip(self._ids, self._calibration.ticks(goal).tolist(), strict=True))
-        self._states.ask(b"".join(self._line.frames("goal_position", ticks)))
+        goals = {i: ticks[i] for i in self._line.units}
+        self._states.ask(b"".join(self._line.frames("goal_position", goals)))
 
     def torque(self, on: bool) -> None:
         """All on, holding the pose that they are in, with the servos' watchdog armed; or all off, confirmed by each.
@@ -116,6 +128,18 @@ class PacketBus:
             self._torque_on()
         else:
             self._torque_off()
+
+    def leave_out(self, joint: str) -> None:
+        """Let the servo of `joint` go and do without it from now on: it reads as where it was last.
+
+        Raises BusError where it is the only one left.
+        """
+        if len(self._line.units) == 1:
+            raise BusError(f"{self._port.path}: {joint} was the last servo that worked")
+        [ident] = [i for i, unit in self._line.units.items() if unit.joint == joint]
+        self._line.write("torque_enable", {ident: 0})
+        self._left_out[ident] = self._line.units.pop(ident)
+        self._states.forget(ident)
 
     def _torque_on(self) -> None:
         if any(self._line.read("torque_enable").values()):
@@ -149,7 +173,7 @@ class PacketBus:
 
     def _limit_torque(self, limits: Mapping[str, Mapping[int, int]], share: float) -> None:
         for name, most in limits.items():
-            self._line.write(name, {i: round(share * value) for i, value in most.items()})
+            self._line.write(name, {i: round(share * self._share * value) for i, value in most.items()})
 
     def _set_up(self) -> None:
         """What a servo must know before its torque comes on; only written where it says something else."""
@@ -164,6 +188,8 @@ class PacketBus:
         self._states.point()
 
     def _torque_off(self) -> None:
+        self._line.units |= self._left_out
+        self._left_out.clear()
         problem = ""
         for _ in range(TRIES):
             try:

@@ -24,9 +24,11 @@ except ImportError:  # Windows
     PORT_ERRORS = (OSError,)
 
 OPEN_ERRORS: tuple[type[Exception], ...] = (*PORT_ERRORS, ValueError)  # a rate that the port does not know
+CHUNK = 4096
 SLICE_S = 0.005  # one blocking read; the kernel waits, not the processor
 LATENCY_S = 0.034  # a USB adapter's buffer keeps bytes back for 16 ms, each way
 BITS_PER_BYTE = 10  # start, eight, stop
+QUIET_S = 0.05  # After a request that failed, the line must be quiet for so long: a late answer has no mark of its own.
 RETURN_DELAY_S = 0.51e-3  # before each reply, at most: 254 units of 2 µs
 
 
@@ -93,6 +95,7 @@ class Port:
         self.silence = 0.0  # s, the longest between two sends since somebody set it to 0
         self.garbled = False  # whether more came in answer to the last request than makes sense
         self._last_sent = 0.0
+        self._failed: Request | None = None  # the last one, where answers to it may still come
         self._awaited: tuple[bytes, Request, float] | None = None
 
     def __enter__(self) -> Port:
@@ -129,7 +132,7 @@ class Port:
         """Send `request`, right after the bytes `before`; `collect` reads the answers."""
         sent = before + request.data
         with self._lost() as wire:
-            wire.reset_input_buffer()
+            self._drain(wire, request)
             self.note_silence()
             wire.write(sent)
         wire_s = (len(sent) + request.reply_bytes) * BITS_PER_BYTE / self.baud
@@ -155,7 +158,21 @@ class Port:
                 left = max(left - len(data), 0) + echo.take_back()
                 if len(found) == len(request.ids) or self.now() > deadline:
                     self.garbled = heard * len(request.ids) > len(found) * request.reply_bytes
+                    if len(found) < len(request.ids):
+                        self._failed = request
                     return found
+
+    def _drain(self, wire: Serial, request: Request) -> None:
+        """Forget what has come in; where answers to another question may still come, wait until none does."""
+        wire.reset_input_buffer()
+        failed = self._failed
+        if failed is None or (failed.address, failed.size) == (request.address, request.size):
+            return
+        self._failed = None
+        quiet_at = self.now() + QUIET_S
+        while self.now() < quiet_at:
+            if wire.read(CHUNK):
+                quiet_at = self.now() + QUIET_S
 
     def read_bytes(self, request: bytes, size: int) -> bytes:
         """Send `request` and read `size` bytes that are no packet; fewer where no more came."""

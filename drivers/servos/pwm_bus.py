@@ -101,6 +101,10 @@ class PwmBus:
             raise BusError(f"{self._port.path}: the pulses are off: switch them on before writing goals")
         self._send(goal)
 
+    def leave_out(self, joint: str) -> None:
+        """Raises BusError: no servo of a board tells that it has failed, only the board does."""
+        raise BusError(f"{self._port.path}: the {self._board.name} drives all servos or none")
+
     def torque(self, on: bool) -> None:
         """Pulses for where the rig was told to be last, at first its safe pose; or none."""
         if on:

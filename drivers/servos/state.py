@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from drivers.bus import BusError
+from drivers.bus import ServoError
 from drivers.servos.family import Block, Model, Register, Request
 from drivers.servos.line import TRIES, Line, Unit
 
@@ -18,7 +18,8 @@ READ_S = 0.008  # Servos that answer one by one are read for so long in a cycle,
 class States:
     """Register values of every unit of `line`. `pace`, by id: ticks/s that the servo can make, and ticks of slack.
 
-    Every method raises BusError where a servo is silent, has a hardware error, or says what cannot be.
+    Every method raises BusError where servos are silent, have a hardware error, or say what cannot be; ServoError where
+    it is one.
     """
 
     def __init__(self, line: Line, pace: Mapping[int, tuple[float, float]]) -> None:
@@ -56,6 +57,13 @@ class States:
         self.on = on
         self._asked = None
         self._read_at.clear()
+
+    def forget(self, ident: int) -> None:
+        """The unit `ident` is no longer on the line: keep what it said last."""
+        self._asked = None
+        self._turn = self._slow_turn = 0
+        self._indirect.discard(ident)
+        self._plan()
 
     def ask(self, before: bytes) -> None:
         """Send `before` and the first group request behind it; `refresh` takes the answers."""
@@ -145,7 +153,8 @@ class States:
             row, asked_at = self._one(unit, self._blocks[unit.id]), self._line.port.asked_at
         else:
             self._check_kept(unit, row)
-            raise BusError(f"{unit}: says that it is at {row['present_position']} ticks, where it cannot have got to")
+            at = row["present_position"]
+            raise ServoError(f"{unit}: says that it is at {at} ticks, where it cannot have got to", unit.joint)
         self._read_at[unit.id] = asked_at
         self._take(unit, row)
 
@@ -165,9 +174,8 @@ class States:
     def _check_kept(self, unit: Unit, row: Mapping[str, int]) -> None:
         for name, kept in self._kept[unit.id].items():
             if self.on and row.get(name, kept) != kept:
-                raise BusError(
-                    f"{unit}: {name} fell from {kept} to {row[name]}: it has rebooted (a dip of its supply?)"
-                )
+                fell = f"{name} fell from {kept} to {row[name]}"
+                raise ServoError(f"{unit}: {fell}: it has rebooted (a dip of its supply?)", unit.joint)
 
 
 def _pointed(model: Model) -> list[Register]:

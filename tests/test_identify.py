@@ -1,0 +1,99 @@
+"""What is measured of a joint is how the emulated one was made; and a simulation that was told so goes by it."""
+
+from dataclasses import replace
+
+import pytest
+from small_rig import small_rig
+
+from drivers.bus import BusError
+from drivers.calibration import unit_path
+from drivers.emulation.body import Body
+from drivers.emulation.in_process import InProcess
+from drivers.measured import Measured, as_measured, load_measured, save_measured
+from drivers.servos.connect import connect
+from drivers.servos.identify import identify, unlimited
+from retarget.model import load_model
+from retarget.rig import load_rig
+
+PUPPET = load_rig("puppet")
+JOINTS = ("right_shoulder_pitch",)
+
+
+@pytest.fixture(autouse=True)
+def config(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+
+
+def test_a_body_is_measured_as_it_was_made():
+    made = {"right_shoulder_pitch": (3.6, 0.3)}
+    joints = tuple(
+        replace(j, no_load_speed=made[j.name][0], friction=made[j.name][1]) if j.name in made else j
+        for j in PUPPET.joints
+    )
+    wire = InProcess(PUPPET, body=Body(replace(PUPPET, joints=joints)))
+    rig = unlimited(PUPPET)
+    with connect(rig, wire) as bus:
+        found = identify(PUPPET, bus, JOINTS, wire)
+    assert not any(wire.torque().values())
+    for joint, (speed, friction) in made.items():
+        assert found[joint].no_load_speed == pytest.approx(speed, rel=0.2)
+        assert found[joint].friction == pytest.approx(friction, abs=0.1)
+        assert 0 <= found[joint].delay < 0.06
+
+
+def test_servos_without_a_load_have_no_friction():
+    rig = small_rig()
+    wire = InProcess(rig)
+    with connect(unlimited(rig), wire) as bus:
+        found = identify(rig, bus, "b", wire)
+    assert found["b"].no_load_speed == pytest.approx(57 * 0.10472, rel=0.25)
+    assert found["b"].friction < 0.05
+
+
+def test_a_stuck_joint_is_no_measurement():
+    rig = small_rig()
+    wire = InProcess(rig)
+    wire.jam("b")
+    with connect(unlimited(rig), wire) as bus, pytest.raises(BusError, match=r"b: did not move by 0\.01 rad"):
+        identify(rig, bus, "ab", wire)
+    assert not any(wire.torque().values())
+
+
+def test_the_simulation_goes_by_what_was_measured():
+    assert as_measured(PUPPET) is PUPPET
+    save_measured(PUPPET, {"head_pan": Measured(4.2, 0.03, 0.11)})
+    save_measured(PUPPET, {"left_knee": Measured(4.4, 0.025, 0.15)})
+    rig = as_measured(PUPPET)
+    pan = rig.joints[0]
+    assert (pan.name, pan.no_load_speed, pan.friction, pan.velocity) == (
+        "head_pan",
+        4.2,
+        0.11,
+        PUPPET.joints[0].velocity,
+    )
+    assert rig.sensors.delay == 0.03
+    assert rig.hash == PUPPET.hash
+    model = load_model(rig)
+    assert model.dof_frictionloss[model.joint("left_knee").dofadr[0]] == 0.15
+    assert model.dof_frictionloss[model.joint("right_knee").dofadr[0]] == 0.08
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("x", "measured/puppet.toml: "),
+        ("[tail]\n", "no joint 'tail' in rig 'puppet'; it has head_pan"),
+        ("[head_pan]\ndelay = 1.0\n", r"\[head_pan\] should have no_load_speed, delay and friction"),
+        (
+            "[head_pan]\nno_load_speed = 4.0\ndelay = -1.0\nfriction = 0.1\n",
+            r"\[head_pan\] delay = -1.0 should be a number",
+        ),
+    ],
+)
+def test_a_wrong_file_is_one_line(text, says):
+    path = unit_path("measured", "puppet")
+    path.parent.mkdir(parents=True)
+    path.write_text(text)
+    with pytest.raises(BusError, match=says) as problem:
+        load_measured(PUPPET)
+    assert "\n" not in str(problem.value)
