@@ -12,6 +12,7 @@ import pytest
 from families import FAMILIES, rig_of
 from small_rig import REPORT
 
+from drivers.buffer import Buffer
 from drivers.bus import BusError
 from drivers.calibration import load_calibration
 from drivers.drive import Settings, drive
@@ -36,6 +37,7 @@ class Stream:
     def __init__(self, rig):
         self.rig, self.states = rig, []
         self.gate, self.watchdog = Gate(rig.hash), Watchdog(Patience(hold_s=0.3, safe_s=0.6))
+        self.buffer, self.run, self.hello = Buffer(), 1, None
 
     def poll(self, now_ns):
         t = now_ns * 1e-9
@@ -44,7 +46,9 @@ class Stream:
         self.watchdog.update(now_ns)
         pos = np.array([[0.2 + 0.4 * 0.5 * (1 - np.cos(2 * np.pi * t)), -0.1, 0.0]])
         root = np.array([[0, 0, 0, 1.0, 0, 0, 0]])
-        return Frame(1, 1, self.rig.hash, REPORT, now_ns, now_ns, 20_000_000, pos, 0 * pos, root, np.zeros(1))
+        frame = Frame(1, 1, self.rig.hash, REPORT, now_ns, now_ns, 20_000_000, pos, 0 * pos, root, np.zeros(1))
+        self.buffer.put(frame)
+        return frame
 
     def send_state(self, state):
         self.states.append(state)
