@@ -76,7 +76,7 @@ class FakeReceiver:
     def __init__(self, gap: tuple[float, float]) -> None:
         self.gate, self.watchdog, self.buffer, self.roster, self.run = Gate(RIG.hash), Watchdog(), Buffer(), Roster(), 1
         self._left, self._gap, self.states = list(FRAMES), gap, []
-        self.trouble = ""
+        self.trouble, self.hello = "", None
 
     def poll(self, now_ns: int):
         self.watchdog.update(now_ns)
