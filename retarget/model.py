@@ -32,8 +32,6 @@ def load_spec(rig: Rig) -> mujoco.MjSpec:
     for joint in rig.joints:
         hinges[joint.name].range = [joint.lower * unit, joint.upper * unit]
         hinges[joint.name].limited = True
-        if joint.friction is not None:
-            hinges[joint.name].frictionloss = joint.friction
         if rig.damping is not None:
             hinges[joint.name].damping = [rig.damping, 0, 0]  # the linear part; MuJoCo has powers of the speed too
     bodies = {b.name for b in spec.bodies}

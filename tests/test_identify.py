@@ -12,8 +12,8 @@ from drivers.emulation.in_process import InProcess
 from drivers.measured import Measured, as_measured, load_measured, save_measured
 from drivers.servos.connect import connect
 from drivers.servos.identify import identify, unlimited
-from retarget.model import load_model
 from retarget.rig import load_rig
+from sim.scene import build_scene
 
 PUPPET = load_rig("puppet")
 JOINTS = ("right_shoulder_pitch",)
@@ -73,9 +73,10 @@ def test_the_simulation_goes_by_what_was_measured():
     )
     assert rig.sensors.delay == 0.03
     assert rig.hash == PUPPET.hash
-    model = load_model(rig)
+    model = build_scene(rig, "stand", [0, 0, 1, 1, 0, 0, 0]).model
     assert model.dof_frictionloss[model.joint("left_knee").dofadr[0]] == 0.15
-    assert model.dof_frictionloss[model.joint("right_knee").dofadr[0]] == 0.08
+    others = {servo.joint: servo.model.friction for servo in rig.servos}
+    assert model.dof_frictionloss[model.joint("right_knee").dofadr[0]] == others["right_knee"]
 
 
 @pytest.mark.parametrize(
