@@ -48,10 +48,10 @@ class MotionDiffuseConfig:
 
 @dataclass(frozen=True)
 class PhaseAutoencoderConfig:
-    """Sizes of DiffusionPhase's auto-encoder. `highest`: frequency, in cycles a primary segment; `phases`: how many, over
-    all frequencies; `cosine`: whether each gives a cosine beside its sine; `narrow`: channels after the encoder's
+    """Sizes of DiffusionPhase's auto-encoder. `highest`: frequency, in cycles a primary segment; `phases`: how many,
+    over all frequencies; `cosine`: whether each gives a cosine beside its sine; `narrow`: channels after the encoder's
     convolution, `hidden` of its layers, `width` of the decoder; `kernel`: frames of a convolution; `noise`: deviation
-    of what is added to the codes in training, which are kept near 1."""
+    of what is added to the codes in training."""
 
     network: ClassVar[str] = "phase-autoencoder"
     patch: ClassVar[int] = 1
@@ -70,9 +70,9 @@ class PhaseAutoencoderConfig:
 @dataclass(frozen=True)
 class DiffusionPhaseConfig:
     """Sizes of DiffusionPhase's denoiser of codes. `autoencoder`: folder of the finished run of its auto-encoder, whose
-    sizes and scale it takes; `text`: width of the text encoder's vectors; `drop_pose`: share of the clips that are shown
-    without a start pose; `codes`: how many stretches of clips are encoded to learn from; `decoded`: how many codes of
-    a batch are also compared as the motions that they stand for."""
+    sizes and scale it takes; `text`: width of the text encoder's vectors; `drop_pose`: share of the clips that are
+    shown without a start pose; `codes`: how many stretches of clips are encoded to learn from; `decoded`: how
+    many codes of a batch are also compared as the motions that they stand for."""
 
     network: ClassVar[str] = "diffusionphase"
     patch: ClassVar[int] = 1
@@ -185,7 +185,7 @@ CONFIGS: dict[str, TrainConfig] = {
     "free": replace(_SMALL, free=True),
     "motiondiffuse": _NOISE,
     "phase-autoencoder": _PHASE,
-    "diffusionphase": replace(_PHASE, model=DiffusionPhaseConfig(), batch=128),
+    "diffusionphase": replace(_PHASE, model=DiffusionPhaseConfig(), steps=6000, batch=128, rate=7e-4),
     "mdm-paper": _MDM_PAPER,
     "mdm-decoder-paper": replace(_MDM_PAPER, model=replace(_MDM_SIZES, form="decoder")),
     "motiondiffuse-paper": replace(

@@ -70,8 +70,9 @@ class Log:
 class Watch:
     """Who is told what on the way; under `torchrun`, by the first process alone.
 
-    `say`: a line about the run; `encoded`, `coded`: how many captions, or stretches, of how many; `logged`: every `log_every` steps; `drawn`:
-    every `show_every` steps, what the averaged network draws for fixed captions (see `pick_prompts`).
+    `say`: a line about the run; `encoded`, `coded`: how many captions, or stretches, of how many; `logged`: every
+    `log_every` steps; `drawn`: every `show_every` steps, what the averaged network draws for fixed captions (see
+    `pick_prompts`).
     """
 
     say: Callable[[str], None] = lambda line: None

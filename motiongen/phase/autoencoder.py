@@ -42,9 +42,9 @@ class Encoder(nn.Module):
         `shares` (B, 2) of their timing."""
         y = self.narrow(x.transpose(1, 2)).transpose(1, 2)
         with torch.autocast(x.device.type, enabled=False):
-            seen = read @ y.float()
+            seen = read @ y.to(read)
             code = self._straight(seen)
-        return torch.cat([code + self.layers(torch.cat([seen.flatten(1), shares], 1)).float(), shares], 1)
+        return torch.cat([code + self.layers(torch.cat([seen.flatten(1), shares], 1)).to(code), shares], 1)
 
     def _straight(self, seen: Tensor) -> Tensor:
         """(B, width − 2): what is a sum of waves, as that."""

@@ -42,7 +42,7 @@ class Codes:
 
 
 def segmented(batch: Batch, seed: int, number: int) -> Timing:
-    """Timing of the clips of batch `number`, each with one of its pool of primary segments; by seed and number alone."""
+    """Timing of the clips of batch `number`, each with one of its pool of primary segments, by seed and number."""
     counts = batch.frames.sum(1)
     chosen = np.random.default_rng([seed, number]).integers(POOL, size=len(counts))
     pools = [primary_segments(x[:count]) for x, count in zip(batch.x, counts, strict=True)]

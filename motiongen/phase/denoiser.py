@@ -1,7 +1,7 @@
 """The denoiser of phase codes (DiffusionPhase, Sec. 3.3): a transformer over their frequencies, head, tail and timing.
 
-It is told a text, as MDM's decoder is, how long the motion is, and the pose in which its primary segment begins; the text
-and the pose may each be left out.
+It is told a text, as MDM's decoder is, how long the motion is, and the pose in which its primary segment begins; text
+and pose may each be left out.
 """
 
 from __future__ import annotations

@@ -11,17 +11,15 @@ import numpy as np
 
 from motiongen.diffusion import said
 from motiongen.diffusion.draw import Drawing
-from motiongen.diffusion.finish import finished, smoothed_over_five
 from motiongen.diffusion.lengths import usual_seconds
 from motiongen.diffusion.weights import FOLDER, load_weights, nearest
-from motiongen.features import FPS, HEIGHT, PLANAR, YAW, features_to_motion
+from motiongen.features import FPS
 from motiongen.generator import MIN_SECONDS, Familiarity, check_prompt
-from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
+from motiongen.motion import Motion, Source
 from motiongen.nn import Floats
-from motiongen.phase.draw import anywhere, draw_phrases, features_of, layout_of, pose_of
+from motiongen.phase.draw import anywhere, codec_of, draw_phrases
 from motiongen.phase.phase_run import Start
 from motiongen.phase.phrases import Phrase, lasting
-from motiongen.skeletons import BANDAI_NAMCO
 from motiongen.text.encoder import TextEncoder
 
 GUIDANCE = 2.5  # of the paper's 2.5 to 3.5
@@ -36,7 +34,7 @@ class PhaseGenerator:
     ) -> None:
         self.name = path.stem
         self._model = load_weights(path)
-        self._layout = layout_of(self._model)
+        self.codec = codec_of(self._model)
         self._encoder = TextEncoder()
         self._sampler, self.passes = sampler, steps
         self.licence, self.digest = self._model.licence, self._model.digest
@@ -82,7 +80,7 @@ class PhaseGenerator:
     ) -> list[Phrase]:
         """A phrase a text, drawn together, repeated where `seconds` are many; None: as long as such motions are.
 
-        `poses` (B, 140), normalised: in which their primary segments are to begin, as `pose` gives them.
+        `poses` (B, 140), normalised: in which their primary segments are to begin, as the codec's `pose` gives them.
         """
         if not texts:
             return []
@@ -94,13 +92,9 @@ class PhaseGenerator:
         if poses is not None:
             start = Start(poses, np.ones(len(texts), bool), counts)
         told = said.texts(self._encoder, texts)
-        found = draw_phrases(self._model, self._layout, told, start, seeds, self._how(guidance))
+        found = draw_phrases(self._model, self.codec.layout, told, start, seeds, self._how(guidance))
         totals = np.rint(wanted * FPS).astype(int)
         return [p if n == p.frames else lasting(p, int(n)) for p, n in zip(found, totals, strict=True)]
-
-    def pose(self, phrase: Phrase) -> Floats:
-        """Normalised features (140,) of the pose in which the primary segment of a phrase begins and ends."""
-        return pose_of(self._model, self._layout, phrase)
 
     def generate_sequence(
         self, texts: Sequence[str], *, seconds: float, seed: int = 0, guidance: float | None = None
@@ -110,30 +104,15 @@ class PhaseGenerator:
         texts = [check_prompt(text, seconds) for text in texts]
         phrases: list[Phrase] = []
         for i, text in enumerate(texts):
-            poses = self.pose(phrases[-1])[None] if phrases else None
+            poses = self.codec.pose(phrases[-1])[None] if phrases else None
             found = self.phrases([text], seconds=seconds, seeds=[seed + i], guidance=guidance, poses=poses)[0]
             turns = max(1, round(found.loop / found.period))
             phrases.append(replace(found, loop=turns * found.period))
         return self.motion(phrases, texts, seed=seed)
 
     def motion(self, phrases: Sequence[Phrase], texts: Sequence[str], *, seed: int, dense: int = 1) -> Motion:
-        """Phrases one after the other, as a motion at 30 frames a second, or `dense` times as many."""
-        model = self._model
-        skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, model.offsets.astype(float), BANDAI_NAMCO.foot_height)
-        sets = [x.astype(float) for x in features_of(model, self._layout, phrases, dense) * model.std + model.mean]
-        plain = finished(sets[0], skeleton)
-        features = plain
-        if dense > 1:
-            smooth = [smoothed_over_five(x) for x in sets]
-            features = np.stack(smooth, 1).reshape(-1, sets[0].shape[1])[: dense * (len(plain) - 1) + 1]
-            features[:, HEIGHT] += np.median(plain[:, HEIGHT] - smooth[0][:, HEIGHT])
-            features[:, [YAW, PLANAR.start, PLANAR.start + 1]] /= dense  # a step lasts 1 / dense of a frame's time
-        source = Source(self.name, self.digest, seed, self.licence)
-        motion = features_to_motion(features, skeleton, source=source)
-        bounds = np.cumsum([0, *(p.loop for p in phrases)]) / FPS + phrases[0].head / FPS
-        bounds[0], bounds[-1] = 0.0, (len(plain) - 1) / FPS
-        labels = tuple(Label(float(a), float(b), t) for t, a, b in zip(texts, bounds, bounds[1:], strict=False))
-        return replace(motion, fps=FPS * dense, labels=labels)
+        """Phrases one after the other, a text each, as a motion at `dense` times 30 frames a second."""
+        return self.codec.motion(phrases, texts, source=Source(self.name, self.digest, seed, self.licence), dense=dense)
 
     def _how(self, guidance: float | None) -> Drawing:
         scale = GUIDANCE if guidance is None else guidance

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from motiongen.diffusion.mdm_run import transform
 from motiongen.diffusion.said import Said
 from motiongen.nn import Floats, Tensors, gelu, linear, silu, waves
-from motiongen.phase.phases import Course, Layout, Timing, readings, signals
+from motiongen.phase.phases import Layout, Timing, readings
 
 LENGTH = np.float32(100.0)
 
@@ -71,8 +71,3 @@ def _convolution(x: Floats, w: Tensors, name: str) -> Floats:
     windows = np.lib.stride_tricks.sliding_window_view(x, kernel.shape[-1], axis=1)
     flat = windows.reshape(*windows.shape[:2], -1)
     return linear(flat, {"at.weight": kernel.reshape(len(kernel), -1), "at.bias": w[f"{name}.bias"]}, "at")
-
-
-def decoded(w: Tensors, layout: Layout, code: Floats, at: Course) -> Floats:
-    """Normalised features (B, T, features) of codes (B, width) on a course of T frames and the margin's."""
-    return decode(w, signals(code, at, layout))

@@ -106,17 +106,19 @@ class Course:
     tail: Array
 
 
-def course(timing: Timing, at: NDArray[Any], repeats: int = 1) -> Course:
-    """Courses (B, len(at)) at the frames `at`, which may lie between two; the primary segment is shown `repeats` times.
+def course(timing: Timing, at: NDArray[Any], loop: Frames | None = None) -> Course:
+    """Courses (B, T) at the frames `at`, (T,) or (B, T), which may lie between two; the primary segment goes round for
+    `loop` (B,) steps, None: once.
 
-    Frames before a motion's first and after its last stay where those are.
+    Frames before a motion's first stay there, or, where it has no head, go round, too; so do those after its last.
     """
     head, period, tail = (each[:, None] for each in (timing.head, timing.period, timing.tail))
-    stop = head + period * repeats
-    at = np.clip(at, 0, stop + tail)
-    k = np.mod(np.clip(at, head, stop) - head, period) / period
-    parts = k, np.maximum(head - at, 0) / np.maximum(head, 1), np.maximum(at - stop, 0) / np.maximum(tail, 1)
-    return Course(*(each.astype(np.float32) for each in parts))
+    stop = head + (period if loop is None else loop[:, None])
+    before, after = np.minimum(np.maximum(head - at, 0), head), np.minimum(np.maximum(at - stop, 0), tail)
+    turning = np.where(head > 0, np.maximum(at, head), at)
+    turning = np.where(tail > 0, np.minimum(turning, stop), turning)
+    k = np.mod(turning - head, period) / period
+    return Course(*(y.astype(np.float32) for y in (k, before / np.maximum(head, 1), after / np.maximum(tail, 1))))
 
 
 def readings(timing: Timing, length: int, highest: int) -> Floats:

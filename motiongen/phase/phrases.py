@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.nn import Floats
-from motiongen.phase.phases import Course, Layout, Timing, course, signals
+from motiongen.phase.phases import Layout, Timing, course, signals
 from motiongen.phase.segments import SHORTEST
 
 FADE = 12  # steps in which the signals of one phrase go over into those of the next
@@ -67,22 +68,15 @@ def lasting(phrase: Phrase, frames: int) -> Phrase:
     return Phrase(phrase.code, phrase.head, period, phrase.tail + rest, loop - rest)
 
 
-def phrase_signals(phrase: Phrase, layout: Layout, at: NDArray[np.floating]) -> Floats:
-    """Signals (T, C) of a phrase at its frames `at` (T,), which may lie between two; it stays where it is before its
-    first and after its last."""
-    at = np.clip(at, 0, phrase.frames - 1)
-    stop = phrase.head + phrase.loop
-    timing = Timing(*(np.array([n]) for n in (phrase.head, phrase.period, 0)))
-    within = course(timing, np.minimum(at, stop), repeats=-(-phrase.loop // phrase.period))
-    tail = (np.maximum(at - stop, 0) / max(phrase.tail, 1)).astype(np.float32)
-    return signals(phrase.code[None], Course(within.k, within.head, tail[None]), layout)[0]
+def phrase_signals(phrase: Phrase, layout: Layout, at: NDArray[Any]) -> Floats:
+    """Signals (T, C) of a phrase at its frames `at` (T,), which may lie between two; see `course` for those beyond."""
+    head, period, tail, loop = (np.array([n]) for n in (phrase.head, phrase.period, phrase.tail, phrase.loop))
+    return signals(phrase.code[None], course(Timing(head, period, tail), at, loop), layout)[0]
 
 
-def looped_signals(phrase: Phrase, layout: Layout, at: NDArray[np.floating]) -> Floats:
+def looped_signals(phrase: Phrase, layout: Layout, at: NDArray[Any]) -> Floats:
     """Signals (T, C) of the primary segment alone, going round for ever both ways; `at` (T,) counts from its start."""
-    k = (np.mod(at, phrase.period) / phrase.period).astype(np.float32)
-    nothing = np.zeros_like(k[None])
-    return signals(phrase.code[None], Course(k[None], nothing, nothing), layout)[0]
+    return phrase_signals(replace(phrase, head=0, tail=0), layout, at)
 
 
 def blended(a: Floats, b: Floats, weight: float | NDArray[np.floating]) -> Floats:
@@ -91,7 +85,7 @@ def blended(a: Floats, b: Floats, weight: float | NDArray[np.floating]) -> Float
     return np.where(w == 0, a, np.where(w == 1, b, (1 - w) * a + w * b))
 
 
-def joined_signals(phrases: Sequence[Phrase], layout: Layout, at: NDArray[np.floating]) -> Floats:
+def joined_signals(phrases: Sequence[Phrase], layout: Layout, at: NDArray[Any]) -> Floats:
     """Signals (T, C) of phrases one after the other at frames `at` (T,) of the whole.
 
     The first has its head and the last its tail. Between, one primary segment goes over into the next while both go
@@ -101,7 +95,7 @@ def joined_signals(phrases: Sequence[Phrase], layout: Layout, at: NDArray[np.flo
     if len(phrases) == 1:
         return phrase_signals(first, layout, at)
     ends = np.cumsum([0, *(p.loop for p in phrases)])
-    at = np.clip(at, 0, joined_frames(phrases) - 1) - first.head  # counted from the start of the first segment
+    at = at - first.head  # counted from the start of the first segment
     voices = [looped_signals(p, layout, at - start) for p, start in zip(phrases, ends[:-1], strict=True)]
     voices[0] = np.where((at < 0)[:, None], phrase_signals(first, layout, at + first.head), voices[0])
     voices[-1] = np.where((at > ends[-1])[:, None], phrase_signals(last, layout, at - ends[-2] + last.head), voices[-1])
