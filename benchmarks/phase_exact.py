@@ -13,7 +13,7 @@ from motiongen.phase.autoencoder import PhaseAutoencoder, margin
 from motiongen.phase.phases import Course, Layout, Timing, course, readings
 from motiongen.phase.phrases import Phrase, blended, lasting, phrase_signals
 
-SIZES = PhaseAutoencoderConfig(features=12, highest=6, phases=32, narrow=16, hidden=16, width=12)
+SIZES = PhaseAutoencoderConfig(features=6, highest=6, phases=32, narrow=8, hidden=16, width=12)
 PERIOD, MOTIONS, ROUNDS = 60, 8, 6
 
 

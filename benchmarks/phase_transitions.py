@@ -1,8 +1,8 @@
 """Transitions (DiffusionPhase, Sec. 4.4): does it help to begin a phrase in the pose in which the one before ended?
 
 Held-out texts in pairs: the first gives a motion, the second one that goes on from it, begun in the first one's last
-pose, in the last pose of another pair's, or in any. The stretch around the join goes through the auto-encoder: what is like
-the real motion that it was trained on, it gives back better than what jumps.
+pose, in the last pose of another pair's, or in any. The stretch around the join goes through the auto-encoder: what is
+like the real motion that it was trained on, it gives back better than what jumps.
 """
 
 from __future__ import annotations

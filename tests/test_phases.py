@@ -16,7 +16,7 @@ from motiongen.phase.phrases import (
     phrase_of,
     phrase_signals,
 )
-from motiongen.phase.segments import ALIKE, AWAY, LONG, SHORTEST, primary_segments, timing_of
+from motiongen.phase.segments import ALIKE, AWAY, LONG, LONGEST_END, SHORTEST, primary_segments, timing_of
 
 LAYOUT = Layout(highest=6, phases=12)
 RNG = np.random.default_rng(0)
@@ -176,3 +176,11 @@ def test_signals_between_frames_are_on_the_same_waves() -> None:
     dense = phrase_signals(one, LAYOUT, np.arange(0, 38.5, 0.5))
     assert np.array_equal(dense[::2], phrase_signals(one, LAYOUT, np.arange(39)))
     assert np.allclose(dense[9:67:2], looped_signals(one, LAYOUT, np.arange(0.5, 29.5)), atol=1e-5)
+
+
+def test_heads_and_tails_are_short() -> None:
+    x = np.cumsum(RNG.normal(size=(200, 4)), axis=0).astype(np.float32)
+    found = primary_segments(x)
+    assert len(found) > 1
+    assert (found[:, 0] <= LONGEST_END).all()
+    assert (found[:, 1] >= 199 - LONGEST_END).all()

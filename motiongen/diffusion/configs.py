@@ -61,7 +61,7 @@ class PhaseAutoencoderConfig:
     phases: int = 128
     cosine: bool = True
     narrow: int = 48
-    hidden: int = 256
+    hidden: int = 192
     width: int = 160
     kernel: int = 5
     noise: float = 0.1
@@ -79,10 +79,10 @@ class DiffusionPhaseConfig:
 
     autoencoder: str = "runs/phase-autoencoder"
     features: int = 140
-    width: int = 192
+    width: int = 160
     layers: int = 4
     heads: int = 4
-    feed_forward: int = 512
+    feed_forward: int = 448
     text: int = 384
     drop_pose: float = 0.5
     codes: int = 80_000
@@ -179,13 +179,13 @@ _MDM_PAPER = TrainConfig(
 _NOISE = TrainConfig(
     MotionDiffuseConfig(), schedule="linear", prediction="noise", weights=LossWeights(0.0, 0.0, 0.0), muon=True
 )
-_PHASE = TrainConfig(PhaseAutoencoderConfig(), steps=4000, rate=1e-3, by_action=0.0, muon=True, show_every=0)
+_PHASE = TrainConfig(PhaseAutoencoderConfig(), steps=4500, rate=1e-3, by_action=0.0, muon=True, show_every=0)
 CONFIGS: dict[str, TrainConfig] = {
     "mdm": _SMALL,
     "free": replace(_SMALL, free=True),
     "motiondiffuse": _NOISE,
     "phase-autoencoder": _PHASE,
-    "diffusionphase": replace(_PHASE, model=DiffusionPhaseConfig(), steps=6000, batch=128, rate=7e-4),
+    "diffusionphase": replace(_PHASE, model=DiffusionPhaseConfig(), steps=7000, batch=128, rate=7e-4),
     "mdm-paper": _MDM_PAPER,
     "mdm-decoder-paper": replace(_MDM_PAPER, model=replace(_MDM_SIZES, form="decoder")),
     "motiondiffuse-paper": replace(
