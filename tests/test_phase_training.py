@@ -13,7 +13,6 @@ from motiongen.diffusion import lengths
 from motiongen.diffusion.configs import (
     CONFIGS,
     DiffusionPhaseConfig,
-    MdmConfig,
     PhaseAutoencoderConfig,
     TrainConfig,
     named,
