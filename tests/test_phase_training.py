@@ -1,5 +1,6 @@
 """Both stages of DiffusionPhase on a small data set of gestures: resumed, refused, exported, and motions drawn."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,7 +44,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.fixture(autouse=True, scope="module")
-def short_fits() -> None:
+def short_fits() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lengths, "STEPS", 50)  # that lengths are learnt is tested elsewhere
         yield
@@ -98,7 +99,7 @@ def test_what_cannot_be_is_refused(data: Dataset, first: Path, weights: Path, tm
         train(second(tmp_path), data, tmp_path / "b")
     with pytest.raises(ValueError, match="102 phases; they must be a multiple of 4"):
         train(replace(named("phase-autoencoder"), model=replace(SMALL, phases=102), **SHORT), data, tmp_path / "c")
-    for name, value in (("prediction", "noise"), ("by_action", 0.1), ("balanced", True), ("show_every", 5)):
+    for name, value in (("prediction", "noise"), ("by_action", 0.1), ("balanced", True), ("compile", True)):
         with pytest.raises(ValueError, match=f"{name} must be .* for phase-autoencoder, not {value}"):
             require_sound(replace(CONFIGS["phase-autoencoder"], **{name: value}))
     broken = tmp_path / "d"

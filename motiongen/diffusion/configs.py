@@ -162,7 +162,7 @@ _RANGES = (
     *((name, 0, 1) for name in ("decay", "ema", "drop_text", "by_action")),
     *((name, 1e-9, math.inf) for name in ("rate", "clip")),
 )
-_NO_PHASE = ("by_action", "balanced", "show_every")  # what networks of phases do not have
+_OF_PHASES = {"prediction": "x0", "by_action": 0, "balanced": False, "show_every": 0, "compile": False}
 _SMALL = TrainConfig(muon=True, balanced=True)
 _MDM_SIZES = MdmConfig("encoder", patch=1, width=512, layers=8, heads=4, feed_forward=1024, dropout=0.1)
 _MDM_PAPER = TrainConfig(
@@ -239,11 +239,8 @@ def require_sound(config: TrainConfig) -> None:
 
 
 def _require_phase(config: TrainConfig) -> None:
-    for name, value, only in (
-        ("prediction", config.prediction, "x0"),
-        *((n, getattr(config, n), 0) for n in _NO_PHASE),
-    ):
-        if value != only:
+    for name, only in _OF_PHASES.items():
+        if (value := getattr(config, name)) != only:
             raise ValueError(f"{name} must be {only} for {config.model.network}, not {value}")
 
 
