@@ -42,7 +42,7 @@ def autoencoder() -> PhaseAutoencoder:
 def test_an_analytic_periodic_motion_is_reproduced_to_a_thousandth() -> None:
     """Fitted: the decoder's straight map alone, by least squares, on 12 motions of 61 frames, each a sum of sines of
     the layout's frequencies; another motion of that kind is then encoded and decoded, in the period that was encoded
-    and long after. The layers beside the straight ways are as they begin, and the encoder's convolution sees one frame."""
+    and long after. The layers beside the straight ways are as they begin; the encoder's convolution sees one frame."""
     torch.manual_seed(0)
     model = PhaseAutoencoder(SMALL).double().eval()
     model.encoder.narrow.weight *= torch.arange(SMALL.kernel) == SMALL.kernel // 2
