@@ -7,8 +7,6 @@ like the real motion that it was trained on, it gives back better than what jump
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from lines import Line
 from parts import Part
@@ -17,7 +15,7 @@ from phase_options import Options, halves
 from motiongen.nn import Floats
 from motiongen.phase.codec import Codec
 from motiongen.phase.generator import PhaseGenerator
-from motiongen.phase.phrases import Phrase, joined_frames
+from motiongen.phase.phrases import Phrase, joined_frames, whole_turns
 
 PAIRS, QUICK_PAIRS = 32, 8
 ROUNDS = 8  # draws of the 32 texts
@@ -34,11 +32,11 @@ def transitions(options: Options) -> Part:
     found: dict[str, list[tuple[float, float]]] = {"last pose": [], "random pose": [], "no pose": []}
     for number in range(rounds):
         seeds = [1000 * number + i for i in range(pairs)]
-        begun = [_whole(p) for p in generator.phrases(first, seconds=SECONDS, seeds=seeds)]
+        begun = [whole_turns(p) for p in generator.phrases(first, seconds=SECONDS, seeds=seeds)]
         last = np.stack([generator.codec.pose(phrase) for phrase in begun])
         for name, poses in zip(found, (last, np.roll(last, 1, axis=0), None), strict=True):
             ends = generator.phrases(second, seconds=SECONDS, seeds=[s + 500 for s in seeds], poses=poses)
-            joins = zip(begun, map(_whole, ends), strict=True)
+            joins = zip(begun, map(whole_turns, ends), strict=True)
             found[name] += [_join(generator.codec, one, other) for one, other in joins]
     rows = [("begun in", "joins", "error of the auto-encoder", "poses apart")]
     means = {name: np.mean(each, axis=0) for name, each in found.items()}
@@ -54,11 +52,6 @@ def transitions(options: Options) -> Part:
         for other in ("random pose", "no pose")
     )
     return Part(tuple(rows), lines)
-
-
-def _whole(phrase: Phrase) -> Phrase:
-    """`phrase` with whole turns only, so that it ends where it began."""
-    return replace(phrase, loop=max(1, round(phrase.loop / phrase.period)) * phrase.period)
 
 
 def _join(codec: Codec, one: Phrase, other: Phrase) -> tuple[float, float]:

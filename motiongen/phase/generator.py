@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from motiongen.diffusion import said
 from motiongen.diffusion.draw import Drawing
+from motiongen.diffusion.known import familiarity
 from motiongen.diffusion.lengths import usual_seconds
-from motiongen.diffusion.weights import FOLDER, load_weights, nearest
+from motiongen.diffusion.weights import FOLDER, load_weights
 from motiongen.features import FPS
-from motiongen.generator import MIN_SECONDS, Familiarity, check_prompt
+from motiongen.generator import MIN_SECONDS, Familiarity, PromptError, check_prompt
 from motiongen.motion import Motion, Source
 from motiongen.nn import Floats
 from motiongen.phase.draw import anywhere, codec_of, draw_phrases
 from motiongen.phase.phase_run import Start
-from motiongen.phase.phrases import Phrase, lasting
+from motiongen.phase.phrases import Phrase, lasting, whole_turns
 from motiongen.text.encoder import TextEncoder
 
 GUIDANCE = 2.5  # of the paper's 2.5 to 3.5
@@ -41,10 +41,7 @@ class PhaseGenerator:
 
     def familiarity(self, text: str) -> Familiarity:
         """How close `text` is to the training captions; raises PromptError for a text that nobody could follow."""
-        bank = self._model.bank
-        best = nearest(bank, self._encoder([check_prompt(text)])[2][0])
-        names = tuple(bank.contents[i].replace("-", " ") for _, i in best[:3])
-        return Familiarity(best[0][0] >= bank.known, best[0][0], names)
+        return familiarity(self._model.bank, self._encoder, text)
 
     def generate(
         self, text: str, *, seconds: float | None = None, seed: int = 0, guidance: float | None = None
@@ -84,7 +81,8 @@ class PhaseGenerator:
         """
         if not texts:
             return []
-        usual = np.clip(usual_seconds(self._model.lengths, self._encoder(list(texts))[2]), MIN_SECONDS, None)
+        usual = usual_seconds(self._model.lengths, self._encoder(list(texts))[2])
+        usual = np.clip(usual, MIN_SECONDS, self._model.window / FPS)
         wanted = usual if seconds is None else np.full(len(texts), seconds)
         drawn = np.where(wanted > OVER * usual, usual, wanted)
         counts = np.rint(np.minimum(drawn * FPS, self._model.window)).astype(int)
@@ -100,14 +98,15 @@ class PhaseGenerator:
         self, texts: Sequence[str], *, seconds: float, seed: int = 0, guidance: float | None = None
     ) -> Motion:
         """Texts one after the other, each for about `seconds`: every primary segment begins in the pose in which the
-        one before ended. Raises PromptError."""
+        one before ended. Raises PromptError, also where there are no texts."""
+        if not texts:
+            raise PromptError("no texts; say what the rig should do, one thing after another")
         texts = [check_prompt(text, seconds) for text in texts]
         phrases: list[Phrase] = []
         for i, text in enumerate(texts):
             poses = self.codec.pose(phrases[-1])[None] if phrases else None
             found = self.phrases([text], seconds=seconds, seeds=[seed + i], guidance=guidance, poses=poses)[0]
-            turns = max(1, round(found.loop / found.period))
-            phrases.append(replace(found, loop=turns * found.period))
+            phrases.append(whole_turns(found))
         return self.motion(phrases, texts, seed=seed)
 
     def motion(self, phrases: Sequence[Phrase], texts: Sequence[str], *, seed: int, dense: int = 1) -> Motion:

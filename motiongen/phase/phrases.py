@@ -68,6 +68,11 @@ def lasting(phrase: Phrase, frames: int) -> Phrase:
     return Phrase(phrase.code, phrase.head, period, phrase.tail + rest, loop - rest)
 
 
+def whole_turns(phrase: Phrase) -> Phrase:
+    """`phrase` with the nearest number of whole turns, so that its primary segment ends as it begins."""
+    return replace(phrase, loop=max(1, round(phrase.loop / phrase.period)) * phrase.period)
+
+
 def phrase_signals(phrase: Phrase, layout: Layout, at: NDArray[Any]) -> Floats:
     """Signals (T, C) of a phrase at its frames `at` (T,), which may lie between two; see `course` for those beyond."""
     head, period, tail, loop = (np.array([n]) for n in (phrase.head, phrase.period, phrase.tail, phrase.loop))
