@@ -179,13 +179,13 @@ _MDM_PAPER = TrainConfig(
 _NOISE = TrainConfig(
     MotionDiffuseConfig(), schedule="linear", prediction="noise", weights=LossWeights(0.0, 0.0, 0.0), muon=True
 )
-_PHASE = TrainConfig(PhaseAutoencoderConfig(), steps=4500, rate=1e-3, by_action=0.0, muon=True, show_every=0)
+_PHASE = TrainConfig(PhaseAutoencoderConfig(), steps=3000, rate=1e-3, by_action=0.0, muon=True, show_every=0)
 CONFIGS: dict[str, TrainConfig] = {
     "mdm": _SMALL,
     "free": replace(_SMALL, free=True),
     "motiondiffuse": _NOISE,
     "phase-autoencoder": _PHASE,
-    "diffusionphase": replace(_PHASE, model=DiffusionPhaseConfig(), steps=7000, batch=128, rate=7e-4),
+    "diffusionphase": replace(_PHASE, model=DiffusionPhaseConfig(), steps=3200, batch=128, rate=7e-4),
     "mdm-paper": _MDM_PAPER,
     "mdm-decoder-paper": replace(_MDM_PAPER, model=replace(_MDM_SIZES, form="decoder")),
     "motiondiffuse-paper": replace(
