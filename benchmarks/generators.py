@@ -19,7 +19,6 @@ import argparse
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 
 from as_said import as_said
@@ -28,7 +27,7 @@ from editing import editing, timeline
 from held_out_pairs import pairs
 from lines import gate, text
 from noise_mixing import mixing
-from parts import Options, Part
+from parts import Options, Part, as_json, columns
 from sampler_errors import samplers
 
 PARTS: dict[str, Callable[[Options], Part]] = {
@@ -60,17 +59,6 @@ def main() -> int:
     if options.json:
         print(json.dumps({name: as_json(part) for name, part in found.items()}, indent=1))
     return gate([line for part in found.values() for line in part.lines], options.gate)
-
-
-def columns(rows: tuple[tuple[str, ...], ...]) -> list[str]:
-    """Rows with their columns below each other."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-
-
-def as_json(part: Part) -> dict[str, object]:
-    """A part with each line's verdict."""
-    return {"rows": part.rows, "lines": [asdict(line) | {"holds": line.holds} for line in part.lines]}
 
 
 if __name__ == "__main__":

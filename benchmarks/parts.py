@@ -1,8 +1,8 @@
-"""What the parts of `generators.py` are given and what they hand back."""
+"""What the parts of `generators.py` are given; what they, and those of `phase.py`, hand back, and how it is shown."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from lines import Line
@@ -33,3 +33,14 @@ class Part:
 
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[Line, ...]
+
+
+def columns(rows: tuple[tuple[str, ...], ...]) -> list[str]:
+    """Rows with their columns below each other."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def as_json(part: Part) -> dict[str, object]:
+    """A part with each line's verdict."""
+    return {"rows": part.rows, "lines": [asdict(line) | {"holds": line.holds} for line in part.lines]}

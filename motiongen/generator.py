@@ -107,6 +107,7 @@ def list_generators() -> dict[str, str]:
     return {
         "mdm": "text to motion by diffusion (MDM, decoder form), trained on motion capture and gestures",
         "motiondiffuse": "the same by another network (MotionDiffuse): efficient attention, estimates of the noise",
+        "diffusionphase": "text to periodic phases by diffusion (DiffusionPhase): any length without falling off",
         "gestures": "hand-written gestures found by their names: nod, clap three times, bow 30 degrees; no weights",
     }
 
@@ -126,7 +127,13 @@ def load_generator(name: str = "mdm") -> Generator:
         raise PromptError(
             f"no generator {name!r}; there are {', '.join(list_generators())}, or a {WEIGHTS_SUFFIX} file"
         )
-    from motiongen.diffusion.generator import DiffusionGenerator
-    from motiongen.diffusion.weights import FOLDER
+    from motiongen.diffusion.weights import FOLDER, network_of
 
-    return DiffusionGenerator(path if path.suffix == WEIGHTS_SUFFIX else FOLDER / f"{name}{WEIGHTS_SUFFIX}")
+    file = path if path.suffix == WEIGHTS_SUFFIX else FOLDER / f"{name}{WEIGHTS_SUFFIX}"
+    if network_of(file) == "diffusionphase":
+        from motiongen.phase.generator import PhaseGenerator
+
+        return PhaseGenerator(file)
+    from motiongen.diffusion.generator import DiffusionGenerator
+
+    return DiffusionGenerator(file)

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,14 +35,14 @@ def watching(folder: Path) -> Iterator[Watch]:
         return
     screen = Console(stderr=True)
     with ExitStack() as stack:
-        encoded, told = _bars(stack, screen) if screen.is_terminal else (_no_bar, _print)
+        encoded, coded, told = _bars(stack, screen) if screen.is_terminal else (_no_bar, _no_bar, _print)
         write = _tensorboard(stack, folder / "log")
 
         def logged(log: Log) -> None:
             told(log)
             write(log)
 
-        yield Watch(lambda line: print(line, file=sys.stderr), encoded, logged, _filmed(folder / "samples"))
+        yield Watch(lambda line: print(line, file=sys.stderr), encoded, coded, logged, _filmed(folder / "samples"))
 
 
 def _no_bar(done: int, of: int) -> None:
@@ -60,22 +61,27 @@ def _figures(log: Log) -> str:
     return "  ".join(f"{name} {value:.4f}" for name, value in log.terms.items())
 
 
-def _bars(stack: ExitStack, screen: Console) -> tuple[Callable[[int, int], None], Callable[[Log], None]]:
-    """A bar for captions that are encoded, then one for the steps; each is there once there is something to tell."""
+Counted = Callable[[int, int], None]
+
+
+def _bars(stack: ExitStack, screen: Console) -> tuple[Counted, Counted, Callable[[Log], None]]:
+    """Bars for captions and stretches that are encoded, and for the steps; each is there once it has something to
+    tell."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}"))
     bar = stack.enter_context(Progress(*columns, console=screen))
-    tasks = {what: bar.add_task(what, visible=False, left="") for what in ("encoding captions", "training")}
+    names = ("encoding captions", "encoding stretches", "training")
+    tasks = {what: bar.add_task(what, visible=False, left="") for what in names}
 
-    def encoded(done: int, of: int) -> None:
-        bar.update(tasks["encoding captions"], completed=done, total=of, visible=done < of)
+    def counted(what: str, done: int, of: int) -> None:
+        bar.update(tasks[what], completed=done, total=of, visible=done < of)
 
     def told(log: Log) -> None:
         bar.update(tasks["training"], completed=log.step, total=log.steps, visible=True, left=_time(log))
         bar.console.print(f"step {log.step}  {_figures(log)}", highlight=False)
 
-    return encoded, told
+    return partial(counted, names[0]), partial(counted, names[1]), told
 
 
 def _tensorboard(stack: ExitStack, folder: Path) -> Callable[[Log], None]:

@@ -21,6 +21,7 @@ LIGHT = (
     "motiongen.measure.clip",
     "motiongen.text.say_numbers",
     "motiongen.gestures.generator",
+    "motiongen.phase.generator",
     "retarget.rig",
     "retarget.trajectory",
     "retarget.files",

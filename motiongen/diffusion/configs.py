@@ -47,6 +47,52 @@ class MotionDiffuseConfig:
 
 
 @dataclass(frozen=True)
+class PhaseAutoencoderConfig:
+    """Sizes of DiffusionPhase's auto-encoder. `highest`: frequency, in cycles a primary segment; `phases`: how many,
+    over all frequencies; `cosine`: whether each gives a cosine beside its sine; `narrow`: channels after the encoder's
+    convolution, `hidden` of its layers, `width` of the decoder; `kernel`: frames of a convolution; `noise`: deviation
+    of what is added to the codes in training."""
+
+    network: ClassVar[str] = "phase-autoencoder"
+    patch: ClassVar[int] = 1
+
+    features: int = 140
+    highest: int = 30
+    phases: int = 128
+    cosine: bool = True
+    narrow: int = 48
+    hidden: int = 192
+    width: int = 160
+    kernel: int = 5
+    noise: float = 0.1
+
+
+@dataclass(frozen=True)
+class DiffusionPhaseConfig:
+    """Sizes of DiffusionPhase's denoiser of codes. `autoencoder`: folder of the finished run of its auto-encoder, whose
+    sizes and scale it takes; `text`: width of the text encoder's vectors; `drop_pose`: share of the clips that are
+    shown without a start pose; `codes`: how many stretches of clips are encoded to learn from; `decoded`: how
+    many codes of a batch are also compared as the motions that they stand for."""
+
+    network: ClassVar[str] = "diffusionphase"
+    patch: ClassVar[int] = 1
+
+    autoencoder: str = "runs/phase-autoencoder"
+    features: int = 140
+    width: int = 160
+    layers: int = 4
+    heads: int = 4
+    feed_forward: int = 448
+    text: int = 384
+    drop_pose: float = 0.5
+    codes: int = 80_000
+    decoded: int = 16
+
+
+Sizes = MdmConfig | MotionDiffuseConfig | PhaseAutoencoderConfig | DiffusionPhaseConfig
+
+
+@dataclass(frozen=True)
 class LossWeights:
     """Weights; a position error of 0.1 m, a speed error of 0.5 m/s and a foot speed of 0.5 m/s count as 1."""
 
@@ -85,7 +131,7 @@ class TrainConfig:
         show_every: Steps between films of what the network draws; 0 for none.
     """
 
-    model: MdmConfig | MotionDiffuseConfig = field(default_factory=MdmConfig)
+    model: Sizes = field(default_factory=MdmConfig)
     schedule: Literal["cosine", "linear"] = "cosine"
     prediction: Literal["x0", "noise"] = "x0"
     free: bool = False
@@ -116,6 +162,7 @@ _RANGES = (
     *((name, 0, 1) for name in ("decay", "ema", "drop_text", "by_action")),
     *((name, 1e-9, math.inf) for name in ("rate", "clip")),
 )
+_OF_PHASES = {"prediction": "x0", "by_action": 0, "balanced": False, "show_every": 0, "compile": False}
 _SMALL = TrainConfig(muon=True, balanced=True)
 _MDM_SIZES = MdmConfig("encoder", patch=1, width=512, layers=8, heads=4, feed_forward=1024, dropout=0.1)
 _MDM_PAPER = TrainConfig(
@@ -132,10 +179,13 @@ _MDM_PAPER = TrainConfig(
 _NOISE = TrainConfig(
     MotionDiffuseConfig(), schedule="linear", prediction="noise", weights=LossWeights(0.0, 0.0, 0.0), muon=True
 )
+_PHASE = TrainConfig(PhaseAutoencoderConfig(), steps=3000, rate=1e-3, by_action=0.0, muon=True, show_every=0)
 CONFIGS: dict[str, TrainConfig] = {
     "mdm": _SMALL,
     "free": replace(_SMALL, free=True),
     "motiondiffuse": _NOISE,
+    "phase-autoencoder": _PHASE,
+    "diffusionphase": replace(_PHASE, model=DiffusionPhaseConfig(), steps=3200, batch=128, rate=7e-4),
     "mdm-paper": _MDM_PAPER,
     "mdm-decoder-paper": replace(_MDM_PAPER, model=replace(_MDM_SIZES, form="decoder")),
     "motiondiffuse-paper": replace(
@@ -178,12 +228,20 @@ def require_sound(config: TrainConfig) -> None:
         value = getattr(config, name)
         if not least <= value <= most:
             raise ValueError(f"{name} must be {_range(least, most)}, not {value}")
-    if config.model.actions:
+    if isinstance(config.model, PhaseAutoencoderConfig | DiffusionPhaseConfig):
+        _require_phase(config)
+    elif config.model.actions:
         raise ValueError(f"actions is told by the data set; leave it 0, not {config.model.actions}")
     if config.prediction == "noise" and any(asdict(config.weights).values()):
         raise ValueError("prediction noise has no geometric losses; set weights.position, velocity and foot to 0")
     if config.balanced and (config.schedule, config.prediction) != ("cosine", "x0"):
         raise ValueError("balanced is for schedule cosine and prediction x0; leave it out")
+
+
+def _require_phase(config: TrainConfig) -> None:
+    for name, only in _OF_PHASES.items():
+        if (value := getattr(config, name)) != only:
+            raise ValueError(f"{name} must be {only} for {config.model.network}, not {value}")
 
 
 def _range(least: float, most: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,13 @@ from motiongen.data.free import free_only, licences
 from motiongen.data.texts import Texts, data_texts
 from motiongen.diffusion.batches import CUT, LONGEST
 from motiongen.diffusion.checkpoint import CHECKPOINT, read_checkpoint
+from motiongen.diffusion.configs import DiffusionPhaseConfig
 from motiongen.diffusion.lengths import fit_lengths
-from motiongen.diffusion.run_folder import read_run
+from motiongen.diffusion.run_folder import Run, read_run
 from motiongen.diffusion.weights import Bank, Weights, load_weights, save_weights
 from motiongen.features import FPS
 from motiongen.nn import Floats, Tensors
+from motiongen.phase.first_stage import read_first_stage
 from motiongen.text.say_numbers import says_number
 
 # Between phrasings never trained on (nearly all above 0.55) and prompts about something else (nearly all below 0.5);
@@ -85,6 +88,15 @@ def _seconds(caption: str, entry: Entry) -> float:
     return min(entry.seconds, ENDLESS_S if endless else LONGEST / FPS)
 
 
+def _sizes(run: Run) -> dict[str, int | float | str]:
+    """What has to be known of a network to run it; of phases, also what their auto-encoder is."""
+    sizes: dict[str, int | float | str] = run.config["model"]
+    if run.config["network"] != DiffusionPhaseConfig.network:
+        return sizes | {"actions": len(run.actions)}
+    layout = read_first_stage(Path(str(sizes["autoencoder"]))).layout
+    return {k: v for k, v in sizes.items() if k != "autoencoder"} | asdict(layout)
+
+
 def export(data: Dataset, folder: Path, path: Path) -> Weights:
     """Write the averaged weights of the last checkpoint of the run in `folder` to `path` and read them back.
 
@@ -107,7 +119,7 @@ def export(data: Dataset, folder: Path, path: Path) -> Weights:
     made = Weights(
         tensors={k.removeprefix("average."): v.numpy() for k, v in tensors.items() if k.startswith("average.")},
         network=run.config["network"],
-        sizes=run.config["model"] | {"actions": len(run.actions)},
+        sizes=_sizes(run),
         schedule=run.config["schedule"],
         prediction=run.config["prediction"],
         unconditioned=run.config["drop_text"] > 0,

@@ -16,12 +16,13 @@ from motiongen.diffusion import said
 from motiongen.diffusion.draw import GUIDANCE, LAM_PARTS, Constraint, Drawing, draw, require_known, whole
 from motiongen.diffusion.editing import edit_of, edited
 from motiongen.diffusion.finish import finished
+from motiongen.diffusion.known import familiarity
 from motiongen.diffusion.lengths import usual_seconds
 from motiongen.diffusion.mended import counted, lasting, mended
 from motiongen.diffusion.promised import turning
 from motiongen.diffusion.said import Said
 from motiongen.diffusion.timeline import Entry, passes_of
-from motiongen.diffusion.weights import FOLDER, load_weights, nearest
+from motiongen.diffusion.weights import FOLDER, load_weights
 from motiongen.features import FPS, features_to_motion, mirror
 from motiongen.generator import MIN_SECONDS, Familiarity, PromptError, check_prompt, check_seconds
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton, Source
@@ -58,10 +59,7 @@ class DiffusionGenerator:
 
     def familiarity(self, text: str) -> Familiarity:
         """How close `text` is to the training captions; raises PromptError for a text that nobody could follow."""
-        bank = self._model.bank
-        best = nearest(bank, self._encoder([check_prompt(text)])[2][0])
-        names = tuple(bank.contents[i].replace("-", " ") for _, i in best[:3])
-        return Familiarity(best[0][0] >= bank.known, best[0][0], names)
+        return familiarity(self._model.bank, self._encoder, text)
 
     def generate(
         self, text: str, *, seconds: float | None = None, seed: int = 0, guidance: float | None = None

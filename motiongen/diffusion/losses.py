@@ -86,7 +86,7 @@ def loss(
     with torch.no_grad():
         joints_true = joint_positions(true, offsets)
         speed_true = world_velocity(true, joints_true)
-    planted = true[:, :-1, CONTACTS]
+    planted = true[:, :-1, CONTACTS].clamp(0, 1)  # of a motion that was decoded they may lie beyond
     feature = (((guess - clean) ** 2).mean(-1) * share).sum()
     position = ((joints - joints_true) ** 2).sum(-1).mean(-1) / 0.1**2
     velocity = ((speed - speed_true) ** 2).sum(-1).mean(-1) / 0.5**2

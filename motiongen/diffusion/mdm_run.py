@@ -33,17 +33,25 @@ def denoise(w: Tensors, sizes: Mapping[str, int], x: Floats, t: float, frames: N
     tokens = tokens + waves(left, to_end.shape[1]) @ to_end.T
     stream = np.concatenate([first[:, None], tokens], axis=1) + waves(np.arange(tokens.shape[1] + 1), width)
     mask = np.concatenate([np.ones_like(real[:, :1]), real], axis=1)
+    stream = transform(w, heads, stream, mask, words, said.word_mask)
+    return linear(stream[:, 1:], w, "write").reshape(batch, length, features)
+
+
+def transform(
+    w: Tensors, heads: int, stream: Floats, mask: NDArray[np.bool_], words: Floats, word_mask: NDArray[np.bool_]
+) -> Floats:
+    """What the blocks in `w` make of a stream (B, N, width) where `mask` (B, N), normalised; `words` (B, M, width)."""
     block = 0
     while (at := f"blocks.{block}.") + "norms.0.weight" in w:
         y = layer_norm(stream, w, at + "norms.0")
         stream = stream + _attend(w, at + "self_attention", y, y, mask, heads)
         if at + "cross_attention.query.weight" in w:
             y = layer_norm(stream, w, at + "norms.1")
-            stream = stream + _attend(w, at + "cross_attention", y, words, said.word_mask, heads)
+            stream = stream + _attend(w, at + "cross_attention", y, words, word_mask, heads)
         y = gelu(linear(layer_norm(stream, w, at + "norms.2"), w, at + "feed_forward.0"))
         stream = stream + linear(y, w, at + "feed_forward.3")
         block += 1
-    return linear(layer_norm(stream[:, 1:], w, "norm"), w, "write").reshape(batch, length, features)
+    return layer_norm(stream, w, "norm")
 
 
 def _attend(w: Tensors, at: str, x: Floats, source: Floats, mask: NDArray[np.bool_], heads: int) -> Floats:

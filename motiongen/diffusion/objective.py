@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -36,6 +37,9 @@ class Share:
     captions: tuple[str, ...]
 
 
+Loaded = TypeVar("Loaded")
+
+
 def load_share(batches: Batches, texts: Texts, actions: tuple[str, ...], team: Team, step: int) -> Share:
     """This process's share of the batch of a step, on the device."""
     batch = batches.draw(step, team.share)
@@ -55,7 +59,7 @@ def multiplies_in_bf16(config: TrainConfig, team: Team) -> bool:
     return torch.cuda.is_bf16_supported() if team.device.type == "cuda" else torch.cpu._is_amx_tile_supported()
 
 
-class Objective:
+class Objective(Generic[Loaded]):
     """The loss of a network and its gradients. Compiles both first where the config says so."""
 
     def __init__(self, config: TrainConfig, model: nn.Module, scale: Scale, team: Team) -> None:
@@ -67,7 +71,7 @@ class Objective:
         if config.compile:
             self._network, self._geometric = torch.compile(model, dynamic=True), torch.compile(loss, dynamic=True)
 
-    def differentiate(self, step: int, share: Share) -> dict[str, float]:
+    def differentiate(self, step: int, share: Loaded) -> dict[str, float]:
         """Loss terms by name, `total` among them, of the whole batch of a step; the model then has its gradients."""
         self._model.zero_grad()
         terms = self._terms(step, share)
@@ -76,6 +80,14 @@ class Objective:
         self._team.add_up([p.grad for p in self._model.parameters() if p.grad is not None])
         self._team.add_up(told)
         return dict(zip(terms, torch.stack(told).tolist(), strict=True))
+
+    def _terms(self, step: int, share: Loaded) -> dict[str, Tensor]:
+        """This process's part of the terms."""
+        raise NotImplementedError
+
+
+class ClipObjective(Objective[Share]):
+    """The loss of a network that draws whole clips."""
 
     def _terms(self, step: int, share: Share) -> dict[str, Tensor]:
         """This process's part of the terms. All draw the noise of the whole batch, so that any number draw the same."""

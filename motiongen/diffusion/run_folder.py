@@ -19,7 +19,7 @@ from safetensors.numpy import load_file, save_file
 
 from motiongen.data.dataset import Dataset
 from motiongen.diffusion.batches import Scale, actions_of, scale_of
-from motiongen.diffusion.configs import TrainConfig
+from motiongen.diffusion.configs import DiffusionPhaseConfig, TrainConfig
 from motiongen.files import replacing
 
 
@@ -47,11 +47,17 @@ def open_run(out: Path, config: TrainConfig, data: Dataset) -> Run:
         _refuse_another(out, _read_json(out / "config.json"), new)
     if not (out / "scale.safetensors").exists():
         with replacing(out / "scale.safetensors") as temporary:
-            save_file(asdict(scale_of(data)), temporary)
+            save_file(asdict(_scale(config, data)), temporary)
     if not (out / "actions.json").exists():
         _write_json(out / "actions.json", actions_of(data))
     _write_json(out / "config.json", new)
     return read_run(out)
+
+
+def _scale(config: TrainConfig, data: Dataset) -> Scale:
+    """What a first stage's numbers mean, they mean in the second, too."""
+    sizes = config.model
+    return read_run(Path(sizes.autoencoder)).scale if isinstance(sizes, DiffusionPhaseConfig) else scale_of(data)
 
 
 def read_run(out: Path) -> Run:

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -24,16 +25,28 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 from motiongen.data.dataset import Dataset
 from motiongen.data.free import free_only
 from motiongen.data.texts import Texts, data_texts
-from motiongen.diffusion.batches import Batches
+from motiongen.diffusion.batches import Batches, Scale
 from motiongen.diffusion.checkpoint import CHECKPOINT, resume, save_checkpoint
-from motiongen.diffusion.configs import MdmConfig, MotionDiffuseConfig, TrainConfig, require_sound
+from motiongen.diffusion.configs import (
+    DiffusionPhaseConfig,
+    MdmConfig,
+    MotionDiffuseConfig,
+    PhaseAutoencoderConfig,
+    Sizes,
+    TrainConfig,
+    require_sound,
+)
 from motiongen.diffusion.mdm import Mdm
 from motiongen.diffusion.motiondiffuse import MotionDiffuse
-from motiongen.diffusion.objective import Objective, Share, load_share, multiplies_in_bf16
+from motiongen.diffusion.objective import ClipObjective, Objective, load_share, multiplies_in_bf16
 from motiongen.diffusion.processes import Team, join
 from motiongen.diffusion.run_folder import Run, open_run, read_run
 from motiongen.diffusion.samples import draw_samples, pick_prompts
 from motiongen.motion import Motion
+from motiongen.phase.autoencoder import PhaseAutoencoder
+from motiongen.phase.denoiser import PhaseDenoiser
+from motiongen.phase.first_stage import open_all_codes, read_first_stage
+from motiongen.phase.objective import AutoencoderObjective, PhaseObjective, load_codes, load_segments
 
 
 @dataclass(frozen=True)
@@ -57,12 +70,14 @@ class Log:
 class Watch:
     """Who is told what on the way; under `torchrun`, by the first process alone.
 
-    `say`: a line about the run; `encoded`: how many captions of how many; `logged`: every `log_every` steps; `drawn`:
-    every `show_every` steps, what the averaged network draws for fixed captions (see `pick_prompts`).
+    `say`: a line about the run; `encoded`, `coded`: how many captions, or stretches, of how many; `logged`: every
+    `log_every` steps; `drawn`: every `show_every` steps, what the averaged network draws for fixed captions (see
+    `pick_prompts`).
     """
 
     say: Callable[[str], None] = lambda line: None
     encoded: Callable[[int, int], None] = lambda done, of: None
+    coded: Callable[[int, int], None] = lambda done, of: None
     logged: Callable[[Log], None] = lambda log: None
     drawn: Callable[[int, list[Motion]], None] | None = None
 
@@ -87,22 +102,22 @@ def train(config: TrainConfig, data: Dataset, out: Path, watch: Watch | None = N
 def _train(config: TrainConfig, data: Dataset, out: Path, team: Team, watch: Watch) -> None:
     run, batches, texts = _open(config, data, out, team, watch)
     torch.manual_seed(config.seed)
-    model = build(replace(config.model, actions=len(run.actions))).to(team.device)
+    model, load = _lesson(config, run, batches, texts, out, team)
     average = {k: v.detach().clone() for k, v in model.state_dict().items()}
     optimizers = _optimizers(model, config)
     networks = {"model": model.state_dict(), "average": average}
     saved = first = resume(out / CHECKPOINT, networks, optimizers)
     watch.say(_about(model, config, team, len(data), first))
-    objective = Objective(config, model, run.scale, team)
+    objective = _objective(config, model, run.scale, team)
     prompts = pick_prompts(data, texts, config.seed)
     since: list[dict[str, float]] = []  # terms of the steps since the last log
     began = time.monotonic()
-    for step, share in _ahead(partial(load_share, batches, texts, run.actions, team), first, config.steps):
+    for step, share in _ahead(load, first, config.steps):
         rate = config.rate * _warmth(step, config)
         terms = objective.differentiate(step, share)
         terms["norm"] = float(torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip))
         if not all(map(math.isfinite, terms.values())):
-            raise RuntimeError(_not_a_number(step, terms, share, saved))
+            raise RuntimeError(_not_a_number(step, terms, share.captions, saved))
         for optimizer in optimizers.values():
             optimizer.param_groups[0]["lr"] = rate
             optimizer.step()
@@ -135,6 +150,8 @@ def _open(config: TrainConfig, data: Dataset, out: Path, team: Team, watch: Watc
     batches = Batches(data, run.scale, size=config.batch, patch=config.model.patch, seed=config.seed)
     if team.first:
         data_texts(data, batches.captions(), progress=watch.encoded)
+        if isinstance(config.model, DiffusionPhaseConfig):
+            open_all_codes(config.model, out, batches, config.seed, watch.coded)
     team.wait()
     return run, batches, data_texts(data, batches.captions())
 
@@ -147,15 +164,51 @@ def _averaged(model: nn.Module, average: dict[str, Tensor], *inputs: Tensor) -> 
     return made
 
 
-def build(sizes: MdmConfig | MotionDiffuseConfig) -> nn.Module:
-    """The network of such sizes, untrained."""
-    return Mdm(sizes) if isinstance(sizes, MdmConfig) else MotionDiffuse(sizes)
+def _lesson(
+    config: TrainConfig, run: Run, batches: Batches, texts: Texts, out: Path, team: Team
+) -> tuple[nn.Module, Callable[[int], Any]]:
+    """The network, untrained, on the device, and what loads this process's share of the batch of a step for it."""
+    sizes = config.model
+    if isinstance(sizes, PhaseAutoencoderConfig):
+        return build(sizes).to(team.device), partial(load_segments, batches, sizes, config, team)
+    if isinstance(sizes, DiffusionPhaseConfig):
+        codes = open_all_codes(sizes, out, batches, config.seed, Watch().coded)
+        model = build(sizes)
+        model.load_state_dict(
+            {"center": torch.from_numpy(codes.center), "spread": torch.from_numpy(codes.spread)}, False
+        )
+        kernel = read_first_stage(Path(sizes.autoencoder)).sizes.kernel
+        return model.to(team.device), partial(load_codes, codes, sizes, kernel, texts, config, team)
+    model = build(replace(sizes, actions=len(run.actions)))
+    return model.to(team.device), partial(load_share, batches, texts, run.actions, team)
+
+
+def build(sizes: Sizes) -> nn.Module:
+    """The network of such sizes, untrained, but for an auto-encoder that was before; of that raises RunError."""
+    if isinstance(sizes, MdmConfig):
+        return Mdm(sizes)
+    if isinstance(sizes, MotionDiffuseConfig):
+        return MotionDiffuse(sizes)
+    if isinstance(sizes, PhaseAutoencoderConfig):
+        return PhaseAutoencoder(sizes)
+    first = read_first_stage(Path(sizes.autoencoder))
+    model = PhaseDenoiser(sizes, first.sizes)
+    model.autoencoder.load_state_dict({name: torch.from_numpy(y) for name, y in first.tensors.items()})
+    return model
+
+
+def _objective(config: TrainConfig, model: nn.Module, scale: Scale, team: Team) -> Objective[Any]:
+    if isinstance(model, PhaseAutoencoder):
+        return AutoencoderObjective(config, model, scale, team)
+    if isinstance(model, PhaseDenoiser):
+        return PhaseObjective(config, model, scale, team)
+    return ClipObjective(config, model, scale, team)
 
 
 def _optimizers(model: nn.Module, config: TrainConfig) -> dict[str, torch.optim.Optimizer]:
     """AdamW; or Muon for the matrices (Jordan et al. 2024), which moves rare directions as far as common ones, as most
     gestures are rare. Its steps are as large as AdamW's (Liu et al. 2025, Sec. 2.2), which all else is left to."""
-    named = dict(model.named_parameters())
+    named = {name: p for name, p in model.named_parameters() if p.requires_grad}
     matrices = {n for n, p in named.items() if p.ndim == 2 and config.muon and not n.startswith("action.")}
     others = [p for n, p in named.items() if n not in matrices]
     decay = config.weight_decay
@@ -166,7 +219,7 @@ def _optimizers(model: nn.Module, config: TrainConfig) -> dict[str, torch.optim.
     return out
 
 
-def _ahead(load: Callable[[int], Share], first: int, steps: int) -> Iterator[tuple[int, Share]]:
+def _ahead(load: Callable[[int], Any], first: int, steps: int) -> Iterator[tuple[int, Any]]:
     """Every step's share of its batch, each loaded while the one before is learnt from."""
     with ThreadPoolExecutor(1) as pool:
         coming = pool.submit(load, first)
@@ -190,7 +243,7 @@ def _about(model: nn.Module, config: TrainConfig, team: Team, clips: int, first:
     return f"{millions:.2f} M parameters on {place} in {width}; {clips} clips; from step {first} to {config.steps}"
 
 
-def _not_a_number(step: int, terms: dict[str, float], share: Share, saved: int) -> str:
+def _not_a_number(step: int, terms: dict[str, float], captions: Sequence[str], saved: int) -> str:
     good = f"the checkpoint of step {saved} is good" if saved else "there is no checkpoint yet"
     found = f"the loss is {terms['total']}, the gradients' norm {terms['norm']}"
-    return f"{found} at batch {step} ({'; '.join(share.captions[:3])}; …); {good}"
+    return f"{found} at batch {step} ({'; '.join(captions[:3])}; …); {good}"

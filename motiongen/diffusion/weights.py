@@ -6,7 +6,7 @@ vectors of what the model was trained on, by which it knows what it does not kno
 | key | says |
 |---|---|
 | `format` | `rigcast-diffusion-1` |
-| `network` | which network: `mdm` or `motiondiffuse` |
+| `network` | which network: `mdm`, `motiondiffuse` or `diffusionphase` |
 | `sizes` | JSON, its config's fields by name |
 | `schedule`, `prediction` | `cosine` or `linear`; `x0` or `noise` |
 | `unconditioned` | `true` where it was also trained without text: only then does guidance mean something |
@@ -22,6 +22,7 @@ import json
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
@@ -104,17 +105,34 @@ def save_weights(weights: Weights, path: Path) -> None:
         temporary.chmod(0o644)  # safetensors makes files that only their owner can read
 
 
+def network_of(path: Path) -> str:
+    """Which network a weights file is of; raises WeightsError as `load_weights` does."""
+    if not path.exists():
+        raise WeightsError(f"{path}: no such weights file")
+    try:
+        with safe_open(path, "np") as file:
+            return _metadata(path, file)["network"]
+    except (SafetensorError, KeyError) as error:
+        raise WeightsError(f"{path}: cut short or of another model ({str(error).splitlines()[0]})") from None
+
+
+def _metadata(path: Path, file: Any) -> dict[str, str]:
+    """What an open weights file says of itself."""
+    metadata: dict[str, str] = file.metadata() or {}
+    if metadata.get("format") == _OLDER:
+        raise WeightsError(f"{path}: weights of an older format ({_OLDER}); export them anew")
+    if metadata.get("format") != _FORMAT:
+        raise WeightsError(f"{path}: not weights of such a model ({_FORMAT})")
+    return metadata
+
+
 def load_weights(path: Path) -> Weights:
     """Read a weights file; raises WeightsError where it is missing, cut short, too old or not of such a model."""
     if not path.exists():
         raise WeightsError(f"{path}: no such weights file")
     try:
         with safe_open(path, "np") as file:
-            metadata = file.metadata() or {}
-            if metadata.get("format") == _OLDER:
-                raise WeightsError(f"{path}: weights of an older format ({_OLDER}); export them anew")
-            if metadata.get("format") != _FORMAT:
-                raise WeightsError(f"{path}: not weights of such a model ({_FORMAT})")
+            metadata = _metadata(path, file)
             tensors = {k: file.get_tensor(k).astype(np.float32) for k in file.keys()}  # noqa: SIM118 (not a dict)
         mean, std, offsets, vectors = (tensors.pop(k) for k in _EXTRAS)
         return Weights(

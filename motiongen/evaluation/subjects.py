@@ -55,9 +55,7 @@ def open_subject(what: str, data: Dataset) -> Opened:
         return _of_generator(what, load_generator(what))
     path = Path(what)
     if path.suffix == ".safetensors":
-        from motiongen.diffusion.generator import DiffusionGenerator
-
-        return _of_generator(path.stem, DiffusionGenerator(path))
+        return _of_generator(path.stem, load_generator(what))
     if not path.is_dir():
         names = ", ".join((*list_generators(), *BASELINES, REAL))
         raise PromptError(f"no subject {what!r}; there are {names}, a .safetensors file, or a folder with captions.csv")
