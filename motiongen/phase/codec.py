@@ -51,7 +51,7 @@ class Codec:
         Raises ValueError for another skeleton than SMPL's 22 joints, or a single frame.
         """
         features = motion_to_features(motion)
-        features[:, [*_WAY[1:], HEIGHT]] *= leg_length(self.offsets) / leg_length(motion.skeleton.offsets)
+        features[:, [*_WAY[1:], HEIGHT]] *= leg_length(self.offsets.astype(float)) / leg_length(motion.skeleton.offsets)
         return self.coded((features - self.mean) / self.std)
 
     def coded(self, x: Floats) -> Phrase:

@@ -86,7 +86,7 @@ class PhaseGenerator:
         wanted = usual if seconds is None else np.full(len(texts), seconds)
         drawn = np.where(wanted > OVER * usual, usual, wanted)
         counts = np.rint(np.minimum(drawn * FPS, self._model.window)).astype(int)
-        start = anywhere(counts, len(self._model.mean))
+        start = anywhere(counts.tolist(), len(self._model.mean))
         if poses is not None:
             start = Start(poses, np.ones(len(texts), bool), counts)
         told = said.texts(self._encoder, texts)

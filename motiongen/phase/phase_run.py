@@ -60,7 +60,7 @@ def denoise(w: Tensors, layout: Layout, heads: int, x: Floats, t: float, said: S
     long = waves(np.log(start.frames).astype(np.float32) * LENGTH, width)
     read = [linear(x[:, token], w, f"read.{i}") for i, token in enumerate(layout.tokens)]
     stream = np.stack([level + sentence, pose, long, *read], 1)
-    stream += waves(np.arange(stream.shape[1]), width)
+    stream = stream + waves(np.arange(stream.shape[1], dtype=np.float32), width)
     made = transform(w, heads, stream, np.ones(stream.shape[:2], bool), words, said.word_mask)[:, -len(read) :]
     return np.concatenate([linear(made[:, i], w, f"write.{i}") for i in range(len(read))], 1)
 
