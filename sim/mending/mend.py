@@ -71,8 +71,6 @@ def mend(trajectory: Trajectory, rig: Rig) -> Mended:
     drawn = np.ones(2 * len(steps.swings) + 1)
     for _ in range(PACES):
         draft = _draft(body, trajectory, steps, at, drawn)
-        if not np.isfinite(draft.speed).all():
-            return Mended(trajectory, ())  # no legs of this rig get there; the gate tells why
         lasts = np.diff(draft.pace.marks)
         spare = LONGEST * (len(trajectory) - 1) - lasts.sum()
         if draft.speed.max() <= 1 or spare < 1:

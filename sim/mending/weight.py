@@ -36,9 +36,10 @@ def shift(body: Body, qpos: Array, feet: Feet, fps: float, margin: float) -> tup
     """
     moves = dynamics(body.scene, qpos, fps)
     areas = areas_of(body, feet, margin)
-    off = moves.zmp - nearest(moves.zmp, areas)[0]
+    zmp = np.where(np.isnan(moves.zmp), moves.com[:, :2], moves.zmp)  # a body in free fall has none
+    off = zmp - nearest(zmp, areas)[0]
     height = float(moves.com[:, 2].mean())
-    return least_shift(moves.zmp, areas, height, body.beat, fps), float(np.linalg.norm(off, axis=1).max())
+    return least_shift(zmp, areas, height, body.beat, fps), float(np.linalg.norm(off, axis=1).max())
 
 
 def least_shift(zmp: Array, areas: Array, height: float, beat: float, fps: float) -> Array:
