@@ -164,6 +164,20 @@ def test_an_exported_run_says_what_it_is(data: Dataset, tmp_path: Path, name: st
     assert all(np.allclose(made.tensors[k], average[f"average.{k}"], atol=1e-3) for k in made.tensors)
 
 
+def test_eight_bits_are_off_by_half_a_step_at_most(data: Dataset, run: Path, tmp_path: Path) -> None:
+    whole = export(data, run, tmp_path / "whole.safetensors")
+    small = export(data, run, tmp_path / "small.safetensors", eight_bits=True)
+    average = load_file(run / "checkpoint.safetensors")
+    matrices = [k for k, v in whole.tensors.items() if v.ndim == 2]
+    for name in matrices:
+        exact = average[f"average.{name}"]
+        step = np.abs(exact).max(1, keepdims=True) / 127
+        assert (np.abs(small.tensors[name] - exact) <= step * 0.5001 + 1e-9).all()
+    assert len(matrices) > 10
+    assert all(np.array_equal(small.tensors[k], v) for k, v in whole.tensors.items() if v.ndim != 2)
+    assert (tmp_path / "small.safetensors").stat().st_size < 0.7 * (tmp_path / "whole.safetensors").stat().st_size
+
+
 def test_an_exported_run_generates(data: Dataset, run: Path, tmp_path: Path) -> None:
     export(data, run, tmp_path / "m.safetensors")
     generator = DiffusionGenerator(tmp_path / "m.safetensors")

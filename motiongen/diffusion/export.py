@@ -97,7 +97,7 @@ def _sizes(run: Run) -> dict[str, int | float | str]:
     return {k: v for k, v in sizes.items() if k != "autoencoder"} | asdict(layout)
 
 
-def export(data: Dataset, folder: Path, path: Path) -> Weights:
+def export(data: Dataset, folder: Path, path: Path, *, eight_bits: bool = False) -> Weights:
     """Write the averaged weights of the last checkpoint of the run in `folder` to `path` and read them back.
 
     `data` is what the run was trained on; from it come the bank, the lengths and the licences. Raises RunError or
@@ -134,5 +134,5 @@ def export(data: Dataset, folder: Path, path: Path) -> Weights:
         training=training,
         digest="",
     )
-    save_weights(made, path)
+    save_weights(made, path, eight_bits=eight_bits)
     return load_weights(path)

@@ -1,4 +1,7 @@
-"""The weights file of a text-to-motion model: one safetensors file, half precision, all it takes to generate.
+"""The weights file of a text-to-motion model: one safetensors file, all it takes to generate.
+
+Numbers are in half precision. Where a file is to be small, matrices are in whole numbers of 8 bits instead, each row
+with a scale of its own under the matrix's name and `.scale`.
 
 Beside the network's tensors it holds the features' mean and deviation, the skeleton's offsets, and a bank of sentence
 vectors of what the model was trained on, by which it knows what it does not know. Its metadata:
@@ -25,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
@@ -35,6 +39,7 @@ FOLDER = Path(__file__).parent.parent / "weights"
 _FORMAT = "rigcast-diffusion-1"
 _OLDER = "rigcast-mdm-1"
 _EXTRAS = ("mean", "std", "offsets", "bank")
+_SCALE = ".scale"
 
 
 class WeightsError(ValueError):
@@ -81,12 +86,15 @@ class Weights:
     digest: str
 
 
-def save_weights(weights: Weights, path: Path) -> None:
-    """Write a weights file in half precision (under a temporary name first)."""
-    tensors: dict[str, np.ndarray] = {f"model.{k}": v.astype(np.float16) for k, v in weights.tensors.items()}
-    tensors |= {k: v.astype(np.float16) for k, v in weights.lengths.items()}
-    tensors |= {"mean": weights.mean, "std": weights.std, "offsets": weights.offsets}
-    tensors["bank"] = weights.bank.vectors.astype(np.float16)
+def save_weights(weights: Weights, path: Path, *, eight_bits: bool = False) -> None:
+    """Write a weights file (under a temporary name first), with `eight_bits` for matrices or half precision for all."""
+    learnt = {f"model.{k}": v for k, v in weights.tensors.items()} | weights.lengths | {"bank": weights.bank.vectors}
+    tensors: dict[str, np.ndarray] = {"mean": weights.mean, "std": weights.std, "offsets": weights.offsets}
+    for name, value in learnt.items():
+        if eight_bits and value.ndim == 2:
+            tensors[name], tensors[name + _SCALE] = _in_eight_bits(value)
+        else:
+            tensors[name] = value.astype(np.float16)
     metadata = {
         "format": _FORMAT,
         "network": weights.network,
@@ -103,6 +111,12 @@ def save_weights(weights: Weights, path: Path) -> None:
     with replacing(path) as temporary:
         save_file(tensors, temporary, metadata=metadata)
         temporary.chmod(0o644)  # safetensors makes files that only their owner can read
+
+
+def _in_eight_bits(matrix: Floats) -> tuple[NDArray[np.int8], Floats]:
+    """Whole numbers of -127..127 and the scale of each row (rows, 1), whose product is nearest to `matrix`."""
+    scale = np.maximum(np.abs(matrix).max(1, keepdims=True), 1e-12).astype(np.float32) / 127
+    return np.rint(matrix / scale).astype(np.int8), scale
 
 
 def network_of(path: Path) -> str:
@@ -134,6 +148,8 @@ def load_weights(path: Path) -> Weights:
         with safe_open(path, "np") as file:
             metadata = _metadata(path, file)
             tensors = {k: file.get_tensor(k).astype(np.float32) for k in file.keys()}  # noqa: SIM118 (not a dict)
+        for name in [k for k in tensors if k.endswith(_SCALE)]:
+            tensors[name.removesuffix(_SCALE)] *= tensors.pop(name)
         mean, std, offsets, vectors = (tensors.pop(k) for k in _EXTRAS)
         return Weights(
             {k.removeprefix("model."): v for k, v in tensors.items() if k.startswith("model.")},
