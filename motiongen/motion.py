@@ -145,7 +145,13 @@ class Motion:
         if not np.isfinite(fps) or fps <= 0:
             raise ValueError(f"fps must be above 0, not {fps}")
         count = max(1, round(self.duration * fps) + 1)
-        at = np.clip(np.arange(count) * self.fps / fps, 0, len(self) - 1)
+        return self.sampled(np.clip(np.arange(count) * self.fps / fps, 0, len(self) - 1), fps)
+
+    def sampled(self, at: Array, fps: float) -> Motion:
+        """The motion at the frames `at` (n,), fractional and within it, as frames of `fps` a second.
+
+        Positions are linear in between, rotations slerped, contacts those of the nearest frame.
+        """
         low = np.minimum(at.astype(int), max(len(self) - 2, 0))
         high, u = np.minimum(low + 1, len(self) - 1), at - low
         quat = quat_continuous(slerp(self.joint_quat[low], self.joint_quat[high], u[:, None]))
@@ -153,3 +159,11 @@ class Motion:
         near = np.where(u < 0.5, low, high)
         contacts = None if self.contacts is None else self.contacts[near]
         return replace(self, root_pos=pos, joint_quat=quat, fps=float(fps), contacts=contacts)
+
+
+def cut(motion: Motion, start: int, end: int) -> Motion:
+    """Frames `start` up to `end` of a motion."""
+    contacts = None if motion.contacts is None else motion.contacts[start:end]
+    return replace(
+        motion, root_pos=motion.root_pos[start:end], joint_quat=motion.joint_quat[start:end], contacts=contacts
+    )

@@ -24,8 +24,7 @@ SHORTEST = 0.1  # s
 
 def supported(motion: Motion) -> Flags:
     """(T,) booleans: some foot joint is no more than SUPPORT_HEIGHT above where it is on a flat sole."""
-    height = _above(motion, _feet(motion))
-    return height.min(1) - _floor(motion) < SUPPORT_HEIGHT
+    return above_floor(motion, _floor(motion)).min(1) < SUPPORT_HEIGHT
 
 
 def pelvis_height(motion: Motion) -> Array:
@@ -53,24 +52,29 @@ def runs(flags: Flags) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _above(motion: Motion, feet: Array) -> Array:
-    """(T, 4) metres of the FOOT_JOINTS at `feet` (T, 4, 3) above the world's zero, less what each stands at."""
-    return feet[..., 2] - np.tile(motion.skeleton.foot_height, 2)
+def above_floor(motion: Motion, floor: float) -> Array:
+    """(T, 4) metres of the FOOT_JOINTS over where they are on a flat sole, on a floor at z = `floor`."""
+    return feet(motion)[..., 2] - np.tile(motion.skeleton.foot_height, 2) - floor
 
 
-def _feet(motion: Motion) -> Array:
+def slow_and_low(speed: Array, height: Array, ease: float = 1.0) -> Flags:
+    """Whether a foot joint at `speed` (m/s) and `height` (m, `above_floor`) stands; with RELEASE as `ease`, whether one
+    that stood still does.
+    """
+    return (speed < ease * CONTACT_SPEED) & (height < ease * STAND_HEIGHT)
+
+
+def feet(motion: Motion) -> Array:
+    """(T, 4, 3) where the FOOT_JOINTS are in the world."""
     return motion.positions()[:, [motion.skeleton.index(name) for name in FOOT_JOINTS]]
 
 
 def _touching(motion: Motion) -> Flags:
-    feet = _feet(motion)
-    speed = np.zeros(feet.shape[:2])
+    speed = np.zeros((len(motion), len(FOOT_JOINTS)))
     if len(motion) > 1:
-        speed = np.linalg.norm(np.gradient(feet, 1 / motion.fps, axis=0), axis=-1)
-    height = _above(motion, feet)
-    height -= _floor(motion)
-    touch = (speed < CONTACT_SPEED) & (height < STAND_HEIGHT)
-    keep = (speed < RELEASE * CONTACT_SPEED) & (height < RELEASE * STAND_HEIGHT)
+        speed = np.linalg.norm(np.gradient(feet(motion), 1 / motion.fps, axis=0), axis=-1)
+    height = above_floor(motion, _floor(motion))
+    touch, keep = slow_and_low(speed, height), slow_and_low(speed, height, RELEASE)
     for t in range(1, len(touch)):
         touch[t] |= touch[t - 1] & keep[t]
     return touch
@@ -78,8 +82,8 @@ def _touching(motion: Motion) -> Flags:
 
 def _floor(motion: Motion) -> float:
     """Where the lowest joint is in the lowest twentieth of the frames: a jump does not move it, nor a handstand."""
-    feet = _above(motion, _feet(motion)).min(1)
-    return float(np.percentile(np.minimum(feet, motion.positions()[..., 2].min(1)), 5))
+    low = above_floor(motion, 0.0).min(1)
+    return float(np.percentile(np.minimum(low, motion.positions()[..., 2].min(1)), 5))
 
 
 def _without_short(flags: Flags, shortest: int, *, inner: bool) -> Flags:

@@ -13,6 +13,7 @@ SHORTEST_EASE = 0.5  # s
 RAMP = 0.3  # s over which the motion itself gets up to speed and down from it
 # Minimum jerk, 10u³ − 15u⁴ + 6u⁵, is fastest half-way, at 15/8 of its mean speed (Flash and Hogan 1985).
 PEAK = 15 / 8
+BINOMIAL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def smoothed(qpos: Array) -> Array:
     """
     padded = np.concatenate([qpos[:1], qpos[:1], qpos, qpos[-1:], qpos[-1:]])
     windows = np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0)
-    return windows @ (np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16)
+    return windows @ BINOMIAL
 
 
 def ease(start: Array, end: Array, frames: int) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from motiongen.measure.clip import Measured, measure
@@ -69,14 +69,6 @@ def split_of(name: str) -> str:
 def stamp(path: Path, captions: Sequence[str] = ()) -> str:
     """The stamp of a clip that is read from a file and called `captions`: the file's size and those words."""
     return hashlib.sha256("\n".join((str(path.stat().st_size), *captions)).encode()).hexdigest()[:16]
-
-
-def cut(motion: Motion, start: int, end: int) -> Motion:
-    """Frames `start` up to `end` of a motion."""
-    contacts = None if motion.contacts is None else motion.contacts[start:end]
-    return replace(
-        motion, root_pos=motion.root_pos[start:end], joint_quat=motion.joint_quat[start:end], contacts=contacts
-    )
 
 
 def told(motion: Motion, captions: tuple[str, ...], name: str, licence: str) -> Sample:

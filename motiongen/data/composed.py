@@ -16,11 +16,11 @@ import numpy as np
 
 from motiongen.compose.combinations import EVEN_GAITS, FAST_GAITS, GAITS, HELD_OUT_PAIRS, held_out, parts_for, why_not
 from motiongen.compose.motions import clearance, looped, overlay, sequence, sharpest
-from motiongen.data.clip import Clip, Sample, SourceError, cut, drawn, split_of
+from motiongen.data.clip import Clip, Sample, SourceError, drawn, split_of
 from motiongen.features import FPS
 from motiongen.gestures.catalogue import draw
 from motiongen.measure.clip import measure
-from motiongen.motion import Label, Motion, Source
+from motiongen.motion import Label, Motion, Source, cut
 from motiongen.text.combined_captions import at_once, one_after_another, phrases_of
 
 TRIES = 8  # combinations drawn for a clip, of which the first that goes well is taken

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from motiongen.data.clip import SPLITS, Clip, Sample, SourceError, cut, stamp, told
+from motiongen.data.clip import SPLITS, Clip, Sample, SourceError, stamp, told
 from motiongen.data.tables import text_of
 from motiongen.formats.reading import read_motion
+from motiongen.motion import cut
 
 
 @dataclass(frozen=True)

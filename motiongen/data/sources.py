@@ -13,12 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from motiongen.data.clip import Clip, Sample, SourceError, cut, drawn, stamp, told
+from motiongen.data.clip import Clip, Sample, SourceError, drawn, stamp, told
 from motiongen.data.composed import composed_clips
 from motiongen.data.official import HUMANML3D, KIT_ML, official_clips
 from motiongen.data.tables import csv_rows, jsonl_rows
 from motiongen.formats.reading import MOTION_FILES, read_motion
 from motiongen.measure.clip import measure, mirrored
+from motiongen.motion import cut
 from motiongen.text.captions import CONTENTS, phrasings, style_name, swap_sides
 
 _INDEX_COLUMNS = ("Subject", "Trial #", "Motion Description")

@@ -1,0 +1,220 @@
+"""Inverse kinematics of the frames of a window at once: what it weighs, and Gauss-Newton on it.
+
+What is minimised is the squared error of every follower, the second differences of the configuration (so that the
+motion is as smooth as tracking allows: a low-pass without lag), and a little distance from the nominal pose. Planted
+feet, soles above the floor, bodies that keep apart, joint speeds and accelerations are springs far stiffer than what
+pulls at them; joint ranges are kept by projection. Each step is Gauss-Newton with Levenberg's damping on equations
+whose band is two frames wide, so that cost grows linearly with length.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from motiongen.rotation import Array, quat_conj, quat_mul, quat_to_rotvec
+from retarget.banded import FIRST, SECOND, Equations
+from retarget.contacts import Flags
+from retarget.kinematics import ROOT_DOFS, Indices, Poses, Tree, moved, on_body, poses, tree_of, velocities
+from retarget.rig import Rig
+from retarget.tracking import Places, Turns, add_springs, angles, linearised, reached
+
+LEAST_SMOOTH = 0.5  # frames, where they are far apart
+POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave open
+GAP = 0.01  # of the root height: how far apart bodies stay that are not nearer in the nominal pose
+SLACK = 1e-4  # of the root height: how far a sole may be below the floor
+STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
+SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `within` cuts off
+FIRM = 100.0  # times its weight, a planted foot's goal
+GAIN = 0.02  # a step that gains a smaller share of the cost is the last
+HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
+LEAP = 0.7  # rad (or root heights) that one step may move a frame
+DAMPING = 1e-4
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a rig brings to every window. `nominal` (nj,) rad; `even` (nv,) brings second differences of metres and
+    radians to one scale; `reach` (2, nj) are the joints' ranges in rad, `speed` (nj,) rad/s. `soles`: body (s,) and
+    point (s, 3), kept above the floor. `gaps` (nbody, nbody) are the metres that two bodies stay apart. `size` is the
+    nominal root height in metres.
+    """
+
+    tree: Tree
+    nominal: Array
+    even: Array
+    reach: Array
+    speed: Array
+    soles: tuple[Indices, Array]
+    gaps: Array
+    size: float
+    fixed_root: bool
+
+
+@dataclass(frozen=True)
+class Window:
+    """`places` and `turns` over T frames `step` s apart, of which the first `known` are solved and stay. What a
+    follower of weight 1 does faster than 1 / (2π · `smooth`) Hz is smoothed away (`smooth` in s).
+    """
+
+    places: Places
+    turns: Turns
+    known: int
+    step: float
+    smooth: float
+
+
+@dataclass(frozen=True)
+class State:
+    """Configurations `qpos` (T, nq) and what is amiss there; `cost` sums it up by weight.
+
+    `points` and `off` are what `reached` gives and `turned` what `angles` gives, `bend` (T − 2, nv) the second
+    differences, `fast` (T − 1, nj) rad above the speeds, `soles` (T, s, 3) where they are, `under` (T, s) and `near`
+    (n,) metres too low and too near (below 0).
+    """
+
+    qpos: Array
+    at: Poses
+    points: Array
+    off: Array
+    turned: Array
+    bend: Array
+    fast: Array
+    soles: Array
+    under: Array
+    near: Array
+    cost: float
+
+
+def problem_of(rig: Rig, model: mujoco.MjModel, start: Array, *, fixed_root: bool, grounded: bool) -> Problem:
+    """What `rig` brings; `start` (nq,) has its nominal joints. Soles stay above the floor where it is `grounded`."""
+    sites = [model.site(site) for foot in rig.feet for site in foot.sites] if grounded else []
+    even = np.ones(model.nv)
+    even[:3] = 1 / rig.nominal.height**2
+    tree = _wary(rig, model)
+    return Problem(
+        tree=tree,
+        nominal=start[7:],
+        even=even,
+        reach=np.array([[j.lower for j in rig.joints], [j.upper for j in rig.joints]]),
+        speed=np.array([j.velocity for j in rig.joints]),
+        soles=(np.array([s.bodyid[0] for s in sites], int), np.array([s.pos for s in sites]).reshape(-1, 3)),
+        gaps=_gaps(tree, start, GAP * rig.nominal.height),
+        size=rig.nominal.height,
+        fixed_root=fixed_root,
+    )
+
+
+def _wary(rig: Rig, model: mujoco.MjModel) -> Tree:
+    """The tree of a copy of `model` whose geoms notice each other from the gap on."""
+    model = copy(model)
+    model.geom_margin[:] = GAP * rig.nominal.height
+    return tree_of(model)
+
+
+def _gaps(tree: Tree, start: Array, usual: float) -> Array:
+    """(nbody, nbody) metres that two bodies are to stay apart: `usual`, or what they are in the configuration `start`
+    (nq,) where that is less."""
+    out = np.full((len(tree.carries), len(tree.carries)), usual)
+    met = poses(tree, start[None]).meetings
+    for bodies in (met.bodies, met.bodies[:, ::-1]):
+        np.minimum.at(out, tuple(bodies.T), met.apart)
+    return out
+
+
+def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
+    """(T, nq) after at most `steps` Gauss-Newton steps from `qpos` (T, nq).
+
+    Ranges are kept by projection (Bertsekas 1982): what is at its end and would go further sits out a step, and what
+    arrives there stops.
+    """
+    damping = DAMPING
+    state = _state(problem, window, np.concatenate([qpos[:, :7], np.clip(qpos[:, 7:], *problem.reach)], axis=1))
+    for _ in range(steps):
+        equations = _equations(problem, window, state)
+        frozen = _frozen(problem, state.qpos, equations.downhill)
+        step = np.where(frozen, 0.0, equations.solved(window.known, np.where(frozen, HELD, damping)))
+        qpos = moved(state.qpos, step * (LEAP / np.maximum(np.abs(step).max(1, keepdims=True), LEAP)))
+        qpos[:, 7:] = np.clip(qpos[:, 7:], *problem.reach)
+        tried = _state(problem, window, qpos)
+        if tried.cost > state.cost:
+            damping *= 30
+            continue
+        gain, state, damping = state.cost - tried.cost, tried, max(damping / 10, DAMPING)
+        if gain < GAIN * state.cost:
+            break
+    return state.qpos
+
+
+def _frozen(problem: Problem, qpos: Array, downhill: Array) -> Flags:
+    """(T, nv): at the end of its range with `downhill` (T, nv) beyond it; and a fixed root."""
+    out = np.zeros(downhill.shape, bool)
+    out[:, :ROOT_DOFS] = problem.fixed_root
+    low, high = problem.reach
+    angles, way = qpos[:, 7:], downhill[:, ROOT_DOFS:]
+    out[:, ROOT_DOFS:] = ((angles <= low) & (way < 0)) | ((angles >= high) & (way > 0))
+    return out
+
+
+def _smooth(problem: Problem, window: Window) -> Array:
+    """(nv,) weights of squared second differences."""
+    return problem.even * max(window.smooth / window.step, LEAST_SMOOTH) ** 4
+
+
+def _state(problem: Problem, window: Window, qpos: Array) -> State:
+    at = poses(problem.tree, qpos)
+    points, off = reached(window.places, at)
+    turned = angles(window.turns, at)
+    rate = _differences(qpos)
+    bend = np.diff(rate, axis=0)
+    stride = problem.speed * window.step
+    fast = rate[:, ROOT_DOFS:] - np.clip(rate[:, ROOT_DOFS:], -stride, stride)
+    soles = on_body(at, *problem.soles)
+    under = np.minimum(soles[..., 2] + SLACK * problem.size, 0.0)
+    near = np.minimum(at.meetings.apart - problem.gaps[*at.meetings.bodies.T], 0.0)
+    cost = (
+        (window.places.weight * (off**2).sum(-1)).sum()
+        + (window.turns.weight * (turned**2).sum(-1)).sum()
+        + (_smooth(problem, window) * bend**2).sum()
+        + POSTURE**2 * ((qpos[:, 7:] - problem.nominal) ** 2).sum()
+        + SPEEDING * (fast**2).sum()
+        + STIFF / problem.size**2 * ((under**2).sum() + (near**2).sum())
+    )
+    return State(qpos, at, points, off, turned, bend, fast, soles, under, near, float(cost))
+
+
+def _equations(problem: Problem, window: Window, state: State) -> Equations:
+    """Half the squares of `state`, each linear in the step of the configurations."""
+    tree, at = problem.tree, state.at
+    rows, value = linearised(tree, window.places, window.turns, at, state.points, state.off, state.turned)
+    curvature, gradient = rows @ rows.swapaxes(1, 2), (rows @ value[..., None])[..., 0]
+    joints = np.arange(ROOT_DOFS, tree.model.nv)
+    curvature[:, joints, joints] += POSTURE**2
+    gradient[:, joints] += POSTURE**2 * (state.qpos[:, 7:] - problem.nominal)
+
+    stiff, every = STIFF / problem.size**2, np.arange(tree.model.nv)
+    frame, sole = np.nonzero(state.under)
+    if len(frame):
+        rows = velocities(at, every, state.soles[frame, sole][:, None], frame)[..., 2]
+        rows *= tree.carries[problem.soles[0][sole]]
+        add_springs(curvature, gradient, frame, rows, state.under[frame, sole], stiff)
+    if state.near.any():
+        met = at.meetings.of(np.flatnonzero(state.near))
+        rows = (velocities(at, every, met.place[:, None], met.frame) @ met.normal[..., None])[..., 0]
+        rows *= tree.carries[met.bodies[:, 1]] - tree.carries[met.bodies[:, 0]]
+        add_springs(curvature, gradient, met.frame, rows, state.near[state.near < 0], stiff)
+
+    out = Equations(curvature, gradient)
+    out.add_differences(SECOND, _smooth(problem, window), state.bend)
+    fast = np.concatenate([np.zeros((len(state.fast), ROOT_DOFS)), state.fast], axis=1)
+    out.add_differences(FIRST, SPEEDING * (fast != 0), fast)
+    return out
+
+
+def _differences(qpos: Array) -> Array:
+    """(T − 1, nv) from one frame to the next: what mj_differentiatePos does for a step of 1 s."""
+    turn = quat_to_rotvec(quat_mul(quat_conj(qpos[:-1, 3:7]), qpos[1:, 3:7]))
+    return np.concatenate([np.diff(qpos[:, :3], axis=0), turn, np.diff(qpos[:, 7:], axis=0)], axis=1)
