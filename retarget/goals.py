@@ -48,10 +48,13 @@ def leg_scale(motion: Motion, rest: Rest) -> float:
     return float(np.mean(ratios)) if ratios else 1.0
 
 
-def root_goal(motion: Motion, rest: Rest) -> tuple[Array, Array]:
-    """Path (T, 3) and orientation (T, 4) of the root, starting over the origin and facing +x; heights are still 0."""
-    home = quat_conj(yaw_quat(yaw_of_quat(motion.joint_quat[:1, 0])))
-    path = quat_rotate(home, motion.root_pos - motion.root_pos[0]) * leg_scale(motion, rest)
+def root_goal(motion: Motion, rest: Rest, start: Motion) -> tuple[Array, Array]:
+    """Path (T, 3) and orientation (T, 4) of the root; heights are still 0.
+
+    The first frame of `start`, of which `motion` is a part or the whole, is over the origin and faces +x.
+    """
+    home = quat_conj(yaw_quat(yaw_of_quat(start.joint_quat[:1, 0])))
+    path = quat_rotate(home, motion.root_pos - start.root_pos[0]) * leg_scale(motion, rest)
     path[:, 2] = 0.0
     return path, quat_mul(home, motion.joint_quat[:, 0])
 

@@ -12,7 +12,7 @@ from motiongen.rotation import Array, quat_continuous, quat_normalize, yaw_of_qu
 from retarget.contacts import Flags, pelvis_height, planted, supported
 from retarget.feet import flattened, pinned, riding_height
 from retarget.goals import ROOT, Goal, goals, leg_scale, root_goal
-from retarget.kinematics import on_body, poses, tree_of
+from retarget.kinematics import Tree, on_body, poses, tree_of
 from retarget.model import load_model
 from retarget.rest import Rest, rest_of
 from retarget.rig import MOUNTS, Mount, Rig
@@ -33,18 +33,12 @@ def retarget(motion: Motion, rig: Rig, *, mount: Mount | None = None, fps: float
     Raises RigError where the rig's files are wrong or it has no feet to stand on, ValueError for an unknown mount or an
     fps not above 0.
     """
-    mount = rig.mount if mount is None else mount
-    if mount not in MOUNTS:
-        raise ValueError(f"unknown mount {mount!r}; known are {', '.join(MOUNTS)}")
-    follows = {follow.human for follow in rig.follow}
-    if mount != "stand" and not (rig.feet and follows >= {foot.human for foot in rig.feet}):
-        raise RigError(f"rig {rig.name!r}: without feet that follow an ankle it can only be mounted on a stand")
+    mount = checked_mount(rig, mount)
     motion = _without_corners(motion.resampled(fps))
     model = load_model(rig)
     rest = rest_of(rig, model)
-    nominal = np.array([0, 0, rig.nominal.height, 1, 0, 0, 0, *rig.pose_vector(rig.nominal)], float)
+    nominal = nominal_qpos(rig, mount)
     if mount == "stand":
-        nominal[2] += rig.stand_clearance
         stance = {foot.human: np.zeros(len(motion), bool) for foot in rig.feet}
         body = _on_stand(motion, rig, model, rest, nominal)
     else:
@@ -64,6 +58,26 @@ def retarget(motion: Motion, rig: Rig, *, mount: Mount | None = None, fps: float
     return Trajectory(qpos, fps, rig.name, rig.joint_names(), contacts, labels, motion.source)
 
 
+def checked_mount(rig: Rig, mount: Mount | None) -> Mount:
+    """`mount`, or the rig's own where that is None.
+
+    Raises ValueError where it is unknown, RigError where the rig has no feet to stand on and is not on a stand.
+    """
+    mount = rig.mount if mount is None else mount
+    if mount not in MOUNTS:
+        raise ValueError(f"unknown mount {mount!r}; known are {', '.join(MOUNTS)}")
+    follows = {follow.human for follow in rig.follow}
+    if mount != "stand" and not (rig.feet and follows >= {foot.human for foot in rig.feet}):
+        raise RigError(f"rig {rig.name!r}: without feet that follow an ankle it can only be mounted on a stand")
+    return mount
+
+
+def nominal_qpos(rig: Rig, mount: Mount) -> Array:
+    """(7 + nj,) the nominal pose over the origin, facing +x; on a stand, at its height."""
+    height = rig.nominal.height + (rig.stand_clearance if mount == "stand" else 0.0)
+    return np.array([0, 0, height, 1, 0, 0, 0, *rig.pose_vector(rig.nominal)], float)
+
+
 def _without_corners(motion: Motion) -> Motion:
     """The motion smoothed: resampling leaves a corner at every frame of the original."""
     count, joints, _ = motion.joint_quat.shape
@@ -80,7 +94,7 @@ def _on_stand(motion: Motion, rig: Rig, model: mujoco.MjModel, rest: Rest, nomin
 
 def floor_goals(motion: Motion, rig: Rig, rest: Rest, stance: dict[str, Flags]) -> dict[str, Goal]:
     """Goals for a rig that goes about: the root along the human path, planted feet (`stance`) where they stand."""
-    root_pos, root_quat = root_goal(motion, rest)
+    root_pos, root_quat = root_goal(motion, rest, motion)
     carried = flattened(goals(motion, rig, rest, root_pos, root_quat), rest, stance)
     height = leg_scale(motion, rest) * pelvis_height(motion)
     rise = riding_height(carried, rest, height, supported(motion))
@@ -123,13 +137,18 @@ def _lift(qpos: Array, down: Flags, timeline: Timeline, rig: Rig, model: mujoco.
     """(T,) metres by which the root must rise: the lowest sole touches where somebody stands (`down`) or the rig eases,
     and neither it nor any body is ever below the floor.
     """
-    at = poses(tree_of(model), qpos)
-    sites = [model.site(site) for foot in rig.feet for site in foot.sites]
-    soles = on_body(at, np.array([s.bodyid[0] for s in sites]), np.array([s.pos for s in sites]))
-    low = np.minimum(soles[..., 2].min(1), at.place[:, 1:, 2].min(1))
+    low = lowest(qpos, rig, tree_of(model))
     down = down.copy()
     down[: timeline.lead] = down[len(qpos) - timeline.tail :] = True
     return np.where(down, -low, np.maximum(-low, 0.0))
+
+
+def lowest(qpos: Array, rig: Rig, tree: Tree) -> Array:
+    """(T,) metres of the lowest sole point, or body origin where one is lower, over the floor."""
+    at = poses(tree, qpos)
+    sites = [tree.model.site(site) for foot in rig.feet for site in foot.sites]
+    soles = on_body(at, np.array([s.bodyid[0] for s in sites]), np.array([s.pos for s in sites]))
+    return np.minimum(soles[..., 2].min(1), at.place[:, 1:, 2].min(1))
 
 
 def _verify(qpos: Array, rig: Rig, fps: float) -> None:

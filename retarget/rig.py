@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -23,6 +24,9 @@ RIG_PATH = "RIGCAST_RIGS"  # environment variable: more folders of rigs
 
 # At 70 % of its no-load speed a motor has 30 % of its stall torque left for the load: motions are planned below that.
 PLANNED_SPEED = 0.7
+# A joint without an `acceleration` of its own gets to its planned speed in this time, s. That is gentler than a servo
+# that moves a light limb and harsher than nearly all that people do.
+GETS_UP = 0.05
 # Position servos give full torque at this error. 0.1 rad is stiff enough to hold a pose and soft enough for one frame's
 # step at planned speed (about 0.07 rad at 50 Hz) not to saturate.
 FULL_TORQUE_ERROR = 0.1
@@ -36,7 +40,8 @@ SAFE_TEMPERATURE = 65.0
 
 @dataclass(frozen=True)
 class Joint:
-    """One actuated joint. Limits in radians, `velocity` rad/s and `torque` N·m at most, `kp` N·m/rad, `kv` N·m·s/rad.
+    """One actuated joint. Limits in radians, `velocity` rad/s, `acceleration` rad/s² and `torque` N·m at most, `kp`
+    N·m/rad, `kv` N·m·s/rad.
 
     `no_load_speed` rad/s: the torque that is left falls to nothing there. `friction` N·m, dry: None: as in the model.
     """
@@ -50,6 +55,7 @@ class Joint:
     kp: float
     kv: float
     friction: float | None = None
+    acceleration: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -285,7 +291,8 @@ def _joint(name: str, t: Table, torque: float, no_load_speed: float) -> Joint:
         raise RigError(f"{t.where}: torque {torque} and no_load_speed {no_load_speed} should be above 0")
     kp = torque / FULL_TORQUE_ERROR
     velocity = PLANNED_SPEED * no_load_speed
-    return Joint(name, lower, upper, velocity, torque, no_load_speed, kp=kp, kv=kp * DAMPING_TIME)
+    acceleration = t.number("acceleration", velocity / GETS_UP, positive=True)
+    return Joint(name, lower, upper, velocity, torque, no_load_speed, kp, kp * DAMPING_TIME, acceleration=acceleration)
 
 
 def _servo(buses: dict[str, str], t: Table) -> tuple[Joint, Servo]:

@@ -61,11 +61,16 @@ def smoothed(qpos: Array) -> Array:
 
 def ease(start: Array, end: Array, frames: int) -> Array:
     """(frames, 7 + nj) qpos by minimum jerk from `start` (included) to `end` (excluded)."""
-    u = np.arange(frames) / frames
-    s = u**3 * (10 - 15 * u + 6 * u * u)
+    s = eased(np.arange(frames) / frames)
     out = start + s[:, None] * (end - start)
     out[:, 3:7] = slerp(start[3:7], end[3:7], s)
     return out
+
+
+def eased(u: Array) -> Array:
+    """Minimum jerk from 0 to 1 as u goes there; beyond, what it is there."""
+    u = np.clip(u, 0.0, 1.0)
+    return u**3 * (10 - 15 * u + 6 * u * u)
 
 
 def normalised(qpos: Array) -> Array:

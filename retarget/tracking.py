@@ -31,9 +31,15 @@ class Places:
     place: Array
     weight: Array
 
-    def at(self, frames: slice) -> Places:
+    def at(self, frames: slice | list[int]) -> Places:
         """The same over some of the frames."""
         return replace(self, place=self.place[frames], weight=self.weight[frames])
+
+    def then(self, more: Places) -> Places:
+        """The frames of both, one after the other."""
+        return replace(
+            self, place=np.concatenate([self.place, more.place]), weight=np.concatenate([self.weight, more.weight])
+        )
 
 
 @dataclass(frozen=True)
@@ -47,9 +53,15 @@ class Turns:
     turn: Array
     weight: Array
 
-    def at(self, frames: slice) -> Turns:
+    def at(self, frames: slice | list[int]) -> Turns:
         """The same over some of the frames."""
         return replace(self, turn=self.turn[frames], weight=self.weight[frames])
+
+    def then(self, more: Turns) -> Turns:
+        """The frames of both, one after the other."""
+        return replace(
+            self, turn=np.concatenate([self.turn, more.turn]), weight=np.concatenate([self.weight, more.weight])
+        )
 
 
 def targets_of(goals: list[Goal], rig: Rig, model: mujoco.MjModel) -> tuple[Places, Turns]:

@@ -14,7 +14,7 @@ from motiongen.rotation import Array, quat_continuous, quat_normalize
 from retarget.banded import REACH
 from retarget.contacts import Flags
 from retarget.goals import ROOT, Goal
-from retarget.limits import within
+from retarget.limits import limits_of, within
 from retarget.rig import Rig
 from retarget.tracking import Places, Turns, targets_of
 from retarget.window import FIRM, Problem, Window, problem_of, solved
@@ -39,7 +39,7 @@ def solve(
 
     `start` (nq,) has the joints that the search starts from and that the goals leave open; the root stays there where
     `fixed_root`. `planted` (T,), by human joint, is where a goal is held rather than tracked; with it, soles stay above
-    the floor. Joint angles keep within `rig`'s ranges and velocities; a goal out of reach is missed.
+    the floor. Joint angles keep within `rig`'s ranges, velocities and accelerations; a goal out of reach is missed.
     """
     count = len(next(iter(goals.values())).pos)
     guess = np.tile(start, (count, 1))
@@ -54,7 +54,7 @@ def solve(
         end = min(len(out) + window + overlap, count)
         found = _window(problem, places, turns, guess, out, end, fps)
         out = np.concatenate([out, found if end == count else found[:window]])
-    out[:, 7:] = within(out[:, 7:], problem.reach, problem.speed / fps)
+    out[:, 7:] = within(out[:, 7:], limits_of(rig, fps))
     return out
 
 
@@ -66,9 +66,7 @@ def firmed(goals: dict[str, Goal], planted: dict[str, Flags]) -> list[Goal]:
     ]
 
 
-def _window(
-    problem: Problem, places: Places, turns: Turns, guess: Array, before: Array, end: int, fps: float
-) -> Array:
+def _window(problem: Problem, places: Places, turns: Turns, guess: Array, before: Array, end: int, fps: float) -> Array:
     """Frames len(before) … end, first every COARSE seconds, then all of them from there."""
     start, qpos = len(before), guess[len(before) : end]
     for every, steps in ((max(1, round(COARSE * fps)), COARSE_STEPS), (1, FINE_STEPS)):

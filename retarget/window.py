@@ -27,7 +27,7 @@ POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave
 GAP = 0.01  # of the root height: how far apart bodies stay that are not nearer in the nominal pose
 SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
-SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `within` cuts off
+SPEEDING = 100.0  # 1/rad², of the springs that hold speeds and accelerations; what is left `limits.py` cuts off
 FIRM = 100.0  # times its weight, a planted foot's goal
 GAIN = 0.02  # a step that gains a smaller share of the cost is the last
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
@@ -38,9 +38,9 @@ DAMPING = 1e-4
 @dataclass(frozen=True)
 class Problem:
     """What a rig brings to every window. `nominal` (nj,) rad; `even` (nv,) brings second differences of metres and
-    radians to one scale; `reach` (2, nj) are the joints' ranges in rad, `speed` (nj,) rad/s. `soles`: body (s,) and
-    point (s, 3), kept above the floor. `gaps` (nbody, nbody) are the metres that two bodies stay apart. `size` is the
-    nominal root height in metres.
+    radians to one scale; of the joints, `reach` (2, nj) rad, `speed` (nj,) rad/s and `acceleration` (nj,) rad/s².
+    `soles`: body (s,) and point (s, 3), kept above the floor. `gaps` (nbody, nbody) are the metres that two bodies stay
+    apart. `size` is the nominal root height in metres.
     """
 
     tree: Tree
@@ -48,6 +48,7 @@ class Problem:
     even: Array
     reach: Array
     speed: Array
+    acceleration: Array
     soles: tuple[Indices, Array]
     gaps: Array
     size: float
@@ -72,8 +73,8 @@ class State:
     """Configurations `qpos` (T, nq) and what is amiss there; `cost` sums it up by weight.
 
     `points` and `off` are what `reached` gives and `turned` what `angles` gives, `bend` (T − 2, nv) the second
-    differences, `fast` (T − 1, nj) rad above the speeds, `soles` (T, s, 3) where they are, `under` (T, s) and `near`
-    (n,) metres too low and too near (below 0).
+    differences, `fast` (T − 1, nj) and `harsh` (T − 2, nj) rad above the speeds and accelerations, `soles` (T, s, 3)
+    where they are, `under` (T, s) and `near` (n,) metres too low and too near (below 0).
     """
 
     qpos: Array
@@ -83,6 +84,7 @@ class State:
     turned: Array
     bend: Array
     fast: Array
+    harsh: Array
     soles: Array
     under: Array
     near: Array
@@ -101,6 +103,7 @@ def problem_of(rig: Rig, model: mujoco.MjModel, start: Array, *, fixed_root: boo
         even=even,
         reach=np.array([[j.lower for j in rig.joints], [j.upper for j in rig.joints]]),
         speed=np.array([j.velocity for j in rig.joints]),
+        acceleration=np.array([j.acceleration for j in rig.joints]),
         soles=(np.array([s.bodyid[0] for s in sites], int), np.array([s.pos for s in sites]).reshape(-1, 3)),
         gaps=_gaps(tree, start, GAP * rig.nominal.height),
         size=rig.nominal.height,
@@ -129,10 +132,11 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
     """(T, nq) after at most `steps` Gauss-Newton steps from `qpos` (T, nq).
 
     Ranges are kept by projection (Bertsekas 1982): what is at its end and would go further sits out a step, and what
-    arrives there stops.
+    arrives there stops. A step that leads uphill, as one along stiff springs does at first, gets a second one before
+    it is undone (the watchdog of Chamberlain et al. 1982).
     """
     damping = DAMPING
-    state = _state(problem, window, np.concatenate([qpos[:, :7], np.clip(qpos[:, 7:], *problem.reach)], axis=1))
+    state = best = _state(problem, window, np.concatenate([qpos[:, :7], np.clip(qpos[:, 7:], *problem.reach)], axis=1))
     for _ in range(steps):
         equations = _equations(problem, window, state)
         frozen = _frozen(problem, state.qpos, equations.downhill)
@@ -140,13 +144,16 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
         qpos = moved(state.qpos, step * (LEAP / np.maximum(np.abs(step).max(1, keepdims=True), LEAP)))
         qpos[:, 7:] = np.clip(qpos[:, 7:], *problem.reach)
         tried = _state(problem, window, qpos)
-        if tried.cost > state.cost:
-            damping *= 30
-            continue
-        gain, state, damping = state.cost - tried.cost, tried, max(damping / 10, DAMPING)
-        if gain < GAIN * state.cost:
-            break
-    return state.qpos
+        if tried.cost < best.cost:
+            gain, damping = best.cost - tried.cost, max(damping / 10, DAMPING)
+            state = best = tried
+            if gain < GAIN * best.cost:
+                break
+        elif state is best:
+            state = tried
+        else:
+            state, damping = best, damping * 30
+    return best.qpos
 
 
 def _frozen(problem: Problem, qpos: Array, downhill: Array) -> Flags:
@@ -168,10 +175,10 @@ def _state(problem: Problem, window: Window, qpos: Array) -> State:
     at = poses(problem.tree, qpos)
     points, off = reached(window.places, at)
     turned = angles(window.turns, at)
-    rate = _differences(qpos)
+    rate = differences(qpos)
     bend = np.diff(rate, axis=0)
-    stride = problem.speed * window.step
-    fast = rate[:, ROOT_DOFS:] - np.clip(rate[:, ROOT_DOFS:], -stride, stride)
+    fast = _beyond(rate[:, ROOT_DOFS:], problem.speed * window.step)
+    harsh = _beyond(bend[:, ROOT_DOFS:], problem.acceleration * window.step**2)
     soles = on_body(at, *problem.soles)
     under = np.minimum(soles[..., 2] + SLACK * problem.size, 0.0)
     near = np.minimum(at.meetings.apart - problem.gaps[*at.meetings.bodies.T], 0.0)
@@ -180,10 +187,10 @@ def _state(problem: Problem, window: Window, qpos: Array) -> State:
         + (window.turns.weight * (turned**2).sum(-1)).sum()
         + (_smooth(problem, window) * bend**2).sum()
         + POSTURE**2 * ((qpos[:, 7:] - problem.nominal) ** 2).sum()
-        + SPEEDING * (fast**2).sum()
+        + SPEEDING * ((fast**2).sum() + (harsh**2).sum())
         + STIFF / problem.size**2 * ((under**2).sum() + (near**2).sum())
     )
-    return State(qpos, at, points, off, turned, bend, fast, soles, under, near, float(cost))
+    return State(qpos, at, points, off, turned, bend, fast, harsh, soles, under, near, float(cost))
 
 
 def _equations(problem: Problem, window: Window, state: State) -> Equations:
@@ -209,12 +216,19 @@ def _equations(problem: Problem, window: Window, state: State) -> Equations:
 
     out = Equations(curvature, gradient)
     out.add_differences(SECOND, _smooth(problem, window), state.bend)
-    fast = np.concatenate([np.zeros((len(state.fast), ROOT_DOFS)), state.fast], axis=1)
-    out.add_differences(FIRST, SPEEDING * (fast != 0), fast)
+    for stencil, excess in ((FIRST, state.fast), (SECOND, state.harsh)):
+        if excess.any():
+            excess = np.concatenate([np.zeros((len(excess), ROOT_DOFS)), excess], axis=1)
+            out.add_differences(stencil, SPEEDING * (excess != 0), excess)
     return out
 
 
-def _differences(qpos: Array) -> Array:
+def _beyond(values: Array, most: Array) -> Array:
+    """What of `values` is beyond ± `most`, with its sign."""
+    return values - np.clip(values, -most, most)
+
+
+def differences(qpos: Array) -> Array:
     """(T − 1, nv) from one frame to the next: what mj_differentiatePos does for a step of 1 s."""
     turn = quat_to_rotvec(quat_mul(quat_conj(qpos[:-1, 3:7]), qpos[1:, 3:7]))
     return np.concatenate([np.diff(qpos[:, :3], axis=0), turn, np.diff(qpos[:, 7:], axis=0)], axis=1)
