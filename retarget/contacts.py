@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.features import CONTACT_SPEED
-from motiongen.motion import FOOT_JOINTS, Motion
+from motiongen.motion import FOOT_JOINTS, Motion, Skeleton
 from motiongen.rotation import Array
 
 Flags = NDArray[np.bool_]
@@ -24,7 +24,7 @@ SHORTEST = 0.1  # s
 
 def supported(motion: Motion) -> Flags:
     """(T,) booleans: some foot joint is no more than SUPPORT_HEIGHT above where it is on a flat sole."""
-    return above_floor(motion, _floor(motion)).min(1) < SUPPORT_HEIGHT
+    return above_floor(motion.skeleton, feet(motion), _floor(motion)).min(1) < SUPPORT_HEIGHT
 
 
 def pelvis_height(motion: Motion) -> Array:
@@ -52,9 +52,11 @@ def runs(flags: Flags) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def above_floor(motion: Motion, floor: float) -> Array:
-    """(T, 4) metres of the FOOT_JOINTS over where they are on a flat sole, on a floor at z = `floor`."""
-    return feet(motion)[..., 2] - np.tile(motion.skeleton.foot_height, 2) - floor
+def above_floor(skeleton: Skeleton, feet: Array, floor: float) -> Array:
+    """(T, 4) metres of the FOOT_JOINTS, at `feet` (T, 4, 3), over where they are on a flat sole, on a floor at z =
+    `floor`.
+    """
+    return feet[..., 2] - np.tile(skeleton.foot_height, 2) - floor
 
 
 def slow_and_low(speed: Array, height: Array, ease: float = 1.0) -> Flags:
@@ -70,10 +72,11 @@ def feet(motion: Motion) -> Array:
 
 
 def _touching(motion: Motion) -> Flags:
-    speed = np.zeros((len(motion), len(FOOT_JOINTS)))
+    joints = feet(motion)
+    speed = np.zeros(joints.shape[:2])
     if len(motion) > 1:
-        speed = np.linalg.norm(np.gradient(feet(motion), 1 / motion.fps, axis=0), axis=-1)
-    height = above_floor(motion, _floor(motion))
+        speed = np.linalg.norm(np.gradient(joints, 1 / motion.fps, axis=0), axis=-1)
+    height = above_floor(motion.skeleton, joints, _floor(motion))
     touch, keep = slow_and_low(speed, height), slow_and_low(speed, height, RELEASE)
     for t in range(1, len(touch)):
         touch[t] |= touch[t - 1] & keep[t]
@@ -82,7 +85,7 @@ def _touching(motion: Motion) -> Flags:
 
 def _floor(motion: Motion) -> float:
     """Where the lowest joint is in the lowest twentieth of the frames: a jump does not move it, nor a handstand."""
-    low = above_floor(motion, 0.0).min(1)
+    low = above_floor(motion.skeleton, feet(motion), 0.0).min(1)
     return float(np.percentile(np.minimum(low, motion.positions()[..., 2].min(1)), 5))
 
 

@@ -111,8 +111,8 @@ def footed(
     `goals` are those of a root at height 0; given back, with the root on its feet, planted feet where they stand and
     the others above the floor. Flags say, by human joint, in which of those frames a foot is planted.
     """
-    height = above_floor(motion, ground.floor)
     joints = feet(motion)
+    height = above_floor(motion.skeleton, joints, ground.floor)
     all_goals = {name: following(state.goals[name], goal) for name, goal in goals.items()}
     heights = np.concatenate([state.heights, ground.scale * (motion.root_pos[:, 2] - ground.floor)])
     held = np.concatenate([state.held, height.min(1) < SUPPORT_HEIGHT])

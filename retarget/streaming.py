@@ -28,12 +28,13 @@ from retarget.rig import Mount, Rig
 from retarget.timeline import eased
 from retarget.tracking import Places, Turns, targets_of
 from retarget.whole import SMOOTH, firmed
-from retarget.window import Problem, Window, differences, problem_of, solved
+from retarget.window import Problem, Window, differences, followed, problem_of
 
 LEAD = 1.0  # s in which the goals go over from the nominal pose to the motion
 STEPS = 2  # of Gauss-Newton a frame; it starts from the frame before's solution
 PREVIEW = 3 / 8  # of the look ahead is seen by the solver, what is left serves to tell when feet stand
-SMOOTHED = 3  # frames of preview that it takes to smooth as a whole trajectory is
+GUESSED = 6  # frames after those are guessed, so that what goes out does not run on where it will have to turn back
+DECAY = 0.8  # a frame, of the speed at which guessed targets go on
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,8 @@ class Stream:
 @dataclass(frozen=True)
 class Progress:
     """What a stream remembers. `begun`: how many frames have goals; `first` frame of the motion. `past` (REACH, nq)
-    went out last, `ahead` (preview + 2, nq) is how it was solved, its last frame and those seen after it; `planted` (n,
-    feet) is of n frames that wait to be solved, `places` and `turns` of the past and of these.
+    went out last; `ahead` is how it was solved, its last frame and those (preview + GUESSED + 1, nq) after it.
+    `planted` (n, feet) is of n frames that wait to be solved, `places` and `turns` of the past and of these.
     """
 
     incoming: Incoming
@@ -128,7 +129,7 @@ def open_stream(
     places, turns = (t.at([0] * REACH) for t in targets_of(list(asked.values()), rig, model))
     places, turns = _led_in(stream, places, turns, np.zeros(REACH))
     none = np.zeros((0, len(rig.feet)), bool)
-    past, plan = (np.tile(nominal, (count, 1)) for count in (REACH, preview + 2))
+    past, plan = (np.tile(nominal, (count, 1)) for count in (REACH, preview + GUESSED + 2))
     return stream, Progress(Incoming(), None, standing(asked, rest), 0, places, turns, none, past, plan)
 
 
@@ -223,11 +224,11 @@ def _led_in(stream: Stream, places: Places, turns: Turns, share: Array) -> tuple
 def _solved(stream: Stream, progress: Progress) -> Progress:
     """The progress one frame on; the frame is the last of its `past`."""
     seen, rest = slice(REACH + stream.preview + 1), slice(1, None)
-    smooth = SMOOTH * min(stream.preview / SMOOTHED, 1.0)
-    window = Window(progress.places.at(seen), progress.turns.at(seen), REACH, 1 / stream.fps, smooth)
+    places, turns = _guessed(progress.places.at(seen), progress.turns.at(seen))
+    window = Window(places, turns, REACH, 1 / stream.fps, SMOOTH)
     on = moved(progress.ahead[-1:], differences(progress.ahead[-2:]))  # the newest frame, as fast as the one before it
     guess = np.concatenate([progress.past, progress.ahead[2:], on])
-    ahead = solved(stream.problem, window, guess, STEPS)[1:]
+    ahead = followed(stream.problem, window, guess, STEPS)[1:]
     now, before = ahead[1].copy(), progress.past[1]
     now[7:] = next_within(progress.past[:, 7:], now[7:], now[7:] - before[7:], stream.limits)
     now[3:7] *= np.copysign(1.0, now[3:7] @ before[3:7])
@@ -239,6 +240,16 @@ def _solved(stream: Stream, progress: Progress) -> Progress:
         past=np.stack([before, now]),
         ahead=ahead,
     )
+
+
+def _guessed(places: Places, turns: Turns) -> tuple[Places, Turns]:
+    """The targets and GUESSED more, which go on ever more slowly."""
+    share = 1 + np.cumsum(DECAY ** np.arange(1, GUESSED + 1))[:, None]
+    before, last = places.place[-2:]
+    turned = slerp(turns.turn[-2], turns.turn[-1], share)
+    newest = [-1] * GUESSED
+    place = before + share[..., None] * (last - before)
+    return places.then(replace(places.at(newest), place=place)), turns.then(replace(turns.at(newest), turn=turned))
 
 
 def _above_floor(stream: Stream, qpos: Array) -> Array:

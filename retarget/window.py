@@ -129,31 +129,44 @@ def _gaps(tree: Tree, start: Array, usual: float) -> Array:
 
 
 def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
-    """(T, nq) after at most `steps` Gauss-Newton steps from `qpos` (T, nq).
+    """(T, nq) after at most `steps` Gauss-Newton steps from `qpos` (T, nq), each of which must lead downhill."""
+    damping = DAMPING
+    state = _state(problem, window, _in_reach(problem, qpos))
+    for _ in range(steps):
+        tried = _state(problem, window, _stepped(problem, window, state, damping))
+        if tried.cost > state.cost:
+            damping *= 30
+            continue
+        gain, state, damping = state.cost - tried.cost, tried, max(damping / 10, DAMPING)
+        if gain < GAIN * state.cost:
+            break
+    return state.qpos
+
+
+def followed(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
+    """(T, nq) after `steps` Gauss-Newton steps from `qpos` (T, nq), which is near, whether or not they lead downhill:
+    along stiff springs every long one leads uphill at first.
+    """
+    qpos = _in_reach(problem, qpos)
+    for _ in range(steps):
+        qpos = _stepped(problem, window, _state(problem, window, qpos), DAMPING)
+    return qpos
+
+
+def _stepped(problem: Problem, window: Window, state: State, damping: float) -> Array:
+    """The configurations a step on.
 
     Ranges are kept by projection (Bertsekas 1982): what is at its end and would go further sits out a step, and what
-    arrives there stops. A step that leads uphill, as one along stiff springs does at first, gets a second one before
-    it is undone (the watchdog of Chamberlain et al. 1982).
+    arrives there stops.
     """
-    damping = DAMPING
-    state = best = _state(problem, window, np.concatenate([qpos[:, :7], np.clip(qpos[:, 7:], *problem.reach)], axis=1))
-    for _ in range(steps):
-        equations = _equations(problem, window, state)
-        frozen = _frozen(problem, state.qpos, equations.downhill)
-        step = np.where(frozen, 0.0, equations.solved(window.known, np.where(frozen, HELD, damping)))
-        qpos = moved(state.qpos, step * (LEAP / np.maximum(np.abs(step).max(1, keepdims=True), LEAP)))
-        qpos[:, 7:] = np.clip(qpos[:, 7:], *problem.reach)
-        tried = _state(problem, window, qpos)
-        if tried.cost < best.cost:
-            gain, damping = best.cost - tried.cost, max(damping / 10, DAMPING)
-            state = best = tried
-            if gain < GAIN * best.cost:
-                break
-        elif state is best:
-            state = tried
-        else:
-            state, damping = best, damping * 30
-    return best.qpos
+    equations = _equations(problem, window, state)
+    frozen = _frozen(problem, state.qpos, equations.downhill)
+    step = np.where(frozen, 0.0, equations.solved(window.known, np.where(frozen, HELD, damping)))
+    return _in_reach(problem, moved(state.qpos, step * (LEAP / np.maximum(np.abs(step).max(1, keepdims=True), LEAP))))
+
+
+def _in_reach(problem: Problem, qpos: Array) -> Array:
+    return np.concatenate([qpos[:, :7], np.clip(qpos[:, 7:], *problem.reach)], axis=1)
 
 
 def _frozen(problem: Problem, qpos: Array, downhill: Array) -> Flags:
