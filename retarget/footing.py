@@ -99,8 +99,10 @@ def frames(goal: Goal, start: int, end: int) -> Goal:
 
 def following(first: Goal, second: Goal) -> Goal:
     """The frames of the one, then of the other."""
-    parts = {part: np.concatenate([getattr(first, part), getattr(second, part)]) for part in ("pos", "quat", "firm")}
-    return replace(first, **parts)
+    pos, quat, firm = (
+        np.concatenate([getattr(first, part), getattr(second, part)]) for part in ("pos", "quat", "firm")
+    )
+    return replace(first, pos=pos, quat=quat, firm=firm)
 
 
 def footed(

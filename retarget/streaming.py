@@ -126,8 +126,8 @@ def open_stream(
         rig, model, rest, problem, nominal, skeleton, motion_fps, fps, smooth, limits_of(rig, fps), ground, preview
     )
     asked = _asked(stream, still, still)
-    places, turns = (t.at([0] * REACH) for t in targets_of(list(asked.values()), rig, model))
-    places, turns = _led_in(stream, places, turns, np.zeros(REACH))
+    places, turns = targets_of(list(asked.values()), rig, model)
+    places, turns = _led_in(stream, places.at([0] * REACH), turns.at([0] * REACH), np.zeros(REACH))
     none = np.zeros((0, len(rig.feet)), bool)
     past, plan = (np.tile(nominal, (count, 1)) for count in (REACH, preview + GUESSED + 2))
     return stream, Progress(Incoming(), None, standing(asked, rest), 0, places, turns, none, past, plan)
@@ -172,8 +172,9 @@ def drained(stream: Stream, progress: Progress) -> Streamed:
 def _wanted(stream: Stream, progress: Progress, new: Motion) -> Progress:
     """The progress with what the frames `new` ask for, and those before them that only now are decided."""
     first = cut(new, 0, 1) if progress.first is None else progress.first
-    progress, planted = replace(progress, first=first), {}
+    progress = replace(progress, first=first)
     asked = _asked(stream, new, first)
+    planted: dict[str, Flags] = {}
     if stream.ground is not None:
         footing, asked, planted = footed(stream.ground, progress.footing, new, asked)
         progress = replace(progress, footing=footing)
