@@ -1,4 +1,4 @@
-"""The ranges, speeds and accelerations of joints: what is beyond them is cut off as gently as they allow."""
+"""The ranges, speeds and accelerations of joints: of a whole trajectory, and from one frame to the next."""
 
 from __future__ import annotations
 
@@ -28,16 +28,21 @@ def limits_of(rig: Rig, fps: float) -> Limits:
 
 
 def within(angles: Array, limits: Limits) -> Array:
-    """`angles` (T, nj) moved by as little as keeps them in their ranges and speeds; then, where they bend too sharply,
-    followed as closely as `next_within` can. Where they keep to the limits, they stay.
+    """`angles` (T, nj) moved by as little as leaves them in their ranges and no frame's step above the stride.
+
+    The middle of the highest and the lowest curve of that steepness that touch them (McShane's and Whitney's
+    extensions): where they already keep to it, they stay.
     """
-    slow = _slowed(angles, limits)
-    if (np.abs(np.diff(slow, n=2, axis=0)) <= limits.bend).all():
-        return slow
-    out = slow.copy()
-    for t in range(2, len(out)):
-        out[t] = next_within(out[t - 2 : t], slow[t], slow[t] - slow[t - 1], limits)
-    return out
+    high = np.clip(angles, *limits.reach)
+    if (np.abs(np.diff(high, axis=0)) <= limits.stride).all():
+        return high
+    low = high.copy()
+    for order in (range(1, len(angles)), range(len(angles) - 2, -1, -1)):
+        for t in order:
+            before = t - 1 if order.step > 0 else t + 1
+            high[t] = np.minimum(high[t], high[before] + limits.stride)
+            low[t] = np.maximum(low[t], low[before] - limits.stride)
+    return (high + low) / 2
 
 
 def next_within(before: Array, wanted: Array, pace: Array, limits: Limits) -> Array:
@@ -59,19 +64,3 @@ def _stopping(way: Array, bend: Array) -> Array:
     way = np.maximum(way, 0.0)
     count = np.maximum(np.ceil((np.sqrt(1 + 8 * way / bend) - 1) / 2), 1)
     return way / count + bend * (count - 1) / 2
-
-
-def _slowed(angles: Array, limits: Limits) -> Array:
-    """The nearest within ranges and speeds: the middle of the highest and the lowest curve of that steepness that touch
-    `angles` (McShane's and Whitney's extensions).
-    """
-    high = np.clip(angles, *limits.reach)
-    if (np.abs(np.diff(high, axis=0)) <= limits.stride).all():
-        return high
-    low = high.copy()
-    for order in (range(1, len(angles)), range(len(angles) - 2, -1, -1)):
-        for t in order:
-            before = t - 1 if order.step > 0 else t + 1
-            high[t] = np.minimum(high[t], high[before] + limits.stride)
-            low[t] = np.maximum(low[t], low[before] - limits.stride)
-    return (high + low) / 2
