@@ -23,7 +23,7 @@ from lines import Line, gate, text
 from per_frame import per_frame
 
 from motiongen.gestures.catalogue import gestures, perform
-from motiongen.motion import Motion
+from motiongen.motion import Motion, cut
 from motiongen.rotation import Array
 from retarget.contacts import Flags, planted
 from retarget.goals import Goal
@@ -32,6 +32,7 @@ from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
 from retarget.rig import Rig, RigError, load_rig
+from retarget.streaming import advance, drained, open_stream
 from retarget.tracking import angles, reached, targets_of
 from retarget.whole import solve
 
@@ -184,6 +185,31 @@ def by_length(rig: Rig, model: mujoco.MjModel, clip: Clip, lengths: tuple[int, .
     ]
 
 
+def streamed(rig: Rig, model: mujoco.MjModel) -> list[Line]:
+    """What a live stream costs and how near it comes to the whole trajectory: prints a line for each look ahead."""
+    motion = perform("wave", seed=0).resampled(FPS)
+    whole = at_once(rig, model, clip_of(motion, rig, model))[:, 7:]
+    inside = slice(round(1.2 * FPS), len(whole) - round(0.3 * FPS))
+    lines = []
+    for look_ahead in (0.2, 0.0):
+        stream, progress = open_stream(rig, motion.skeleton, FPS, mount="free", look_ahead=look_ahead)
+        advance(stream, progress, cut(motion, 0, 20))  # imports and caches
+        start, out = time.process_time(), []
+        for frame in range(len(motion)):
+            progress, done = advance(stream, progress, cut(motion, frame, frame + 1))
+            out.append(done.qpos)
+        share = (time.process_time() - start) / len(motion) * FPS
+        angles = np.concatenate([*out, drained(stream, progress).qpos])[:, 7:]
+        off = float(np.sqrt(((angles - whole)[inside] ** 2).mean()))
+        jerk = [float(np.abs(np.diff(a[inside], n=3, axis=0)).mean()) for a in (angles, whole)]
+        print(
+            f"  streamed, {look_ahead} s ahead: {1e3 * share / FPS:.1f} ms a frame, "
+            f"{off:.4f} rad from the whole, jerk {jerk[0] / jerk[1]:.2f} times its"
+        )
+        lines.append(Line(rig.name, f"streamed {look_ahead} s ahead: share of real time", share, 0.5, False))
+    return lines
+
+
 def at_once(rig: Rig, model: mujoco.MjModel, clip: Clip) -> Array:
     return solve(rig, model, clip.goals, nominal(rig), FPS, fixed_root=False, planted=clip.stance)
 
@@ -228,6 +254,7 @@ def main() -> int:
         for figure in fields(Figures):
             row = [f"{getattr(found, figure.name):>12.4g}" for found in tables[rig.name].values()]
             print(f"  {figure.name:<18}{''.join(row)}")
+        lines += streamed(rig, model)
         lines += by_length(rig, model, clips[1], QUICK_LENGTHS if asked.quick else LENGTHS)
     for line in lines:
         print(text(line))

@@ -63,6 +63,19 @@ def bare(spec: mujoco.MjSpec) -> None:
         spec.delete(part)
 
 
+def without_looks(spec: mujoco.MjSpec) -> None:
+    """Take away the meshes that touch nothing and weigh nothing: compiling those of some vendors takes seconds."""
+    paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
+    for geom in spec.geoms:
+        solid = geom.contype or geom.conaffinity or geom.name in paired
+        if geom.type == mujoco.mjtGeom.mjGEOM_MESH and not solid and geom.parent.explicitinertial:
+            spec.delete(geom)
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in spec.meshes:
+        if mesh.name not in used:
+            spec.delete(mesh)
+
+
 def _forgive_neighbours(spec: mujoco.MjSpec, rig: Rig) -> None:
     """MuJoCo lets a body overlap its parent, but not a parent that is fixed to the world, as the root is on a stand."""
     have = {frozenset((e.bodyname1, e.bodyname2)) for e in spec.excludes}
@@ -84,11 +97,13 @@ def _free_root(spec: mujoco.MjSpec, rig: Rig) -> None:
 
 
 def load_model(rig: Rig) -> mujoco.MjModel:
-    """The compiled `load_spec(rig)`: qpos is (7 + nj,), the root's position and quaternion, then the rig's joints.
+    """The compiled `load_spec(rig)` without its looks: qpos is (7 + nj,), the root's position and quaternion, then the
+    rig's joints.
 
     Raises RigError as `load_spec` does, and where the model does not compile.
     """
     spec = load_spec(rig)
+    without_looks(spec)
     try:
         return spec.compile()
     except ValueError as problem:

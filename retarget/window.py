@@ -112,9 +112,9 @@ def problem_of(rig: Rig, model: mujoco.MjModel, start: Array, *, fixed_root: boo
 
 
 def _wary(rig: Rig, model: mujoco.MjModel) -> Tree:
-    """The tree of a copy of `model` whose geoms notice each other from the gap on."""
+    """The tree of a copy of `model` whose geoms notice each other from the gap on; MuJoCo adds the margins of both."""
     model = copy(model)
-    model.geom_margin[:] = GAP * rig.nominal.height
+    model.geom_margin[:] = GAP * rig.nominal.height / 2
     return tree_of(model)
 
 

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from retarget.model import load_spec
+from retarget.model import load_spec, without_looks
 from retarget.rig import MOUNTS, Joint, Mount, Rig, Servo
 from sim.harness import add_force_sensor, add_harness, fit_harness
 
@@ -89,6 +89,7 @@ def build_scene(rig: Rig, mount: Mount, root: ArrayLike, *, play: bool = False) 
         raise ValueError(f"unknown mount {mount!r}; there are {', '.join(MOUNTS)}")
     pose = np.asarray(root, float)[:7]
     spec = load_spec(rig)
+    without_looks(spec)
     spec.option.timestep = TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC

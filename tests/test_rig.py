@@ -153,6 +153,7 @@ def test_limits_of_current_and_temperature_are_the_rigs_or_the_servos(copied: Pa
     ("old", "new", "says"),
     [
         ("limits = [0.0, 2.4]", "limits = [0.0, 2.4]\ncurrent_limit = 0", ["current_limit = 0", "above 0"]),
+        ("limits = [0.0, 2.4]", "limits = [0.0, 2.4]\nacceleration = 0", ["acceleration = 0", "above 0"]),
         ('mount = "stand"', 'mount = "shelf"', ["mount = 'shelf'", "free, stand, hung"]),
         ('mount = "stand"', 'mounts = "stand"', ["'mount' is missing"]),
         ("stand_clearance", "stand_clearence", ["unknown key 'stand_clearence'", "stand_clearance"]),

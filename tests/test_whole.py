@@ -17,7 +17,6 @@ from retarget.banded import FIRST, SECOND, Equations
 from retarget.contacts import planted, runs
 from retarget.goals import Goal
 from retarget.kinematics import moved, on_body, poses, tree_of, velocities
-from retarget.limits import within
 from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
@@ -194,18 +193,6 @@ def test_two_arms_come_back_and_stop_at_their_limits(tmp_path: Path) -> None:
     assert found[:, 7].max() <= 2.0
     assert np.abs(np.diff(found[:, 7])).max() <= 3.5 / FPS + 1e-12
     assert found[-1, 7] == pytest.approx(-1.0, abs=0.02)
-
-
-def test_within_moves_only_what_is_beyond() -> None:
-    reach, stride = np.array([[-1.0], [1.0]]), np.array([0.1])
-    smooth = 0.9 * np.sin(np.linspace(0, 6, 200))[:, None]
-    assert within(smooth, reach, stride) == pytest.approx(smooth)
-    jumps = np.random.default_rng(9).normal(size=(200, 1))
-    kept = within(jumps, reach, stride)
-    assert np.abs(kept).max() <= 1.0
-    assert np.abs(np.diff(kept, axis=0)).max() <= 0.1 + 1e-12
-    step = np.where(np.arange(41) < 20, 0.0, 1.0)[:, None]
-    assert within(step, reach, stride)[19:21, 0] == pytest.approx([0.45, 0.55])  # half of the jump on either side
 
 
 def stood(rig: Rig, clip: Motion) -> tuple[Array, dict[str, Array], Array]:
