@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ ONE = Limits(np.array([[-1.0], [1.0]]), np.array([0.1]), np.array([0.02]))
 def followed(wanted: Array, limits: Limits) -> Array:
     """`wanted` (T, nj) from rest at zero, a frame at a time."""
     out = [np.zeros_like(wanted[0])] * 2
-    for before, now in zip(wanted, wanted[1:], strict=False):
+    for before, now in pairwise(wanted):
         out.append(next_within(np.array(out[-2:]), now, now - before, limits))
     return np.array(out)
 

@@ -1,77 +1,21 @@
-"""Retargeting against what is known: directions of human limbs, limits, a pose that comes back, feet that stand."""
+"""Retargeting against what is known: directions of human limbs, limits, a pose that comes back, bodies kept apart."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import motions
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from retargeted import CLIPS, RIGS, done, shown_at, sites, unit
 
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Label, Motion, Skeleton
 from motiongen.rotation import Array, quat_conj, quat_mul
 from retarget.collisions import collision_pairs
-from retarget.contacts import planted, runs
-from retarget.feet import CLEARANCE, pinned
-from retarget.goals import Goal
 from retarget.model import load_model
-from retarget.rest import Rest
 from retarget.retarget import retarget
-from retarget.rig import Mount, Rig, RigError, load_rig
-from retarget.timeline import ease, plan, smoothed, stretch
-from retarget.trajectory import Trajectory
-
-RIGS = ("puppet", "humanoid")
-CLIPS = {
-    "stand": motions.stand,
-    "wave": motions.wave,
-    "wave left": lambda: motions.wave("left"),
-    "squat": motions.squat,
-    "walk": motions.walk,
-    "flail": motions.flail,
-}
-
-
-@cache
-def done(rig: str, clip: str, mount: Mount | None = None) -> Trajectory:
-    return retarget(CLIPS[clip](), load_rig(rig), mount=mount)
-
-
-def sites(trajectory: Trajectory, *names: str) -> Array:
-    """(T, len(names), 3) world positions of sites or, where there is no such site, body origins."""
-    model = load_model(load_rig(trajectory.rig))
-    data = mujoco.MjData(model)
-    out = np.empty((len(trajectory), len(names), 3))
-    for frame, q in enumerate(trajectory.qpos):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        for i, name in enumerate(names):
-            is_site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name) >= 0
-            out[frame, i] = data.site(name).xpos if is_site else data.body(name).xpos
-    return out
-
-
-def soles(trajectory: Trajectory) -> Array:
-    """(T, feet, points, 3)."""
-    feet = load_rig(trajectory.rig).feet
-    points = sites(trajectory, *(s for foot in feet for s in foot.sites))
-    return points.reshape(len(trajectory), len(feet), -1, 3)
-
-
-def shown_at(clip: Motion, trajectory: Trajectory, seconds: float) -> int:
-    """The frame of the trajectory that shows the clip at `seconds`, well inside it: the clip sits in the middle of the
-    time that its label has, which is longer by the two halves of a 0.3 s ramp."""
-    label = trajectory.labels[0]
-    extra = (label.end_s - label.start_s - clip.duration) / 2
-    return round((label.start_s + extra + seconds) * trajectory.fps)
-
-
-def unit(v: Array) -> Array:
-    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+from retarget.rig import Rig, RigError, load_rig
 
 
 @pytest.mark.parametrize("rig", RIGS)
@@ -200,69 +144,6 @@ def _shown_by_a_human(angles: Array, rig: Rig, model: mujoco.MjModel, fps: float
     return Motion(root, local, fps, Skeleton(SMPL_JOINTS, SMPL_PARENTS, offsets), labels, contacts=in_air)
 
 
-def test_contacts_are_found_where_the_walk_has_them() -> None:
-    """The left foot of the synthetic walk stands while the phase is in [0, 0.55) of each second."""
-    clip = motions.walk()
-    phase = (np.arange(len(clip)) / clip.fps) % 1.0
-    found = planted(clip)["left_ankle"]
-    assert found[(phase > 0.05) & (phase < 0.50)].all()
-    assert not found[(phase > 0.68) & (phase < 0.88)].any()
-
-
-@pytest.mark.parametrize(("rig", "clip"), [("humanoid", "walk"), ("humanoid", "squat"), ("puppet", "squat")])
-def test_planted_feet_stand_still_on_the_floor(rig: str, clip: str) -> None:
-    trajectory = done(rig, clip, "hung")
-    points = soles(trajectory)
-    stances = 0
-    for i, foot in enumerate(load_rig(rig).feet):
-        for start, end in runs(trajectory.contacts[foot.name]):
-            stance = points[start:end, i]
-            assert np.linalg.norm((stance - stance[0])[..., :2], axis=-1).max() < 0.002
-            assert np.abs(stance[..., 2]).max() < 0.002
-            stances += 1
-    assert stances == (8 if clip == "walk" else 2)
-
-
-@pytest.mark.parametrize("rig", RIGS)
-@pytest.mark.parametrize("clip", ["stand", "walk", "squat"])
-def test_the_lowest_sole_is_on_the_floor_and_never_below(rig: str, clip: str) -> None:
-    low = soles(done(rig, clip, "hung"))[..., 2].min((1, 2))
-    assert low.min() > -1e-6
-    assert low.max() < 0.002
-
-
-def test_the_root_travels_by_the_ratio_of_the_legs() -> None:
-    for rig, legs in (("humanoid", 0.42 + 0.43), ("puppet", 0.110 + 0.110)):
-        trajectory = done(rig, "walk", "hung")
-        wanted = 1.2 * 4 * legs / (motions.THIGH + motions.SHIN)
-        assert trajectory.root_pos[-1, 0] == pytest.approx(wanted, rel=0.04)
-        assert abs(trajectory.root_pos[-1, 1]) < 0.05 * legs
-
-
-def test_a_jump_keeps_its_height() -> None:
-    """Free fall for 0.5 s from a stand rises by g t² / 8 = 0.31 m; the humanoid's legs are 1.05 times as long."""
-    still = motions.stand(2.0, 50)
-    t = np.arange(len(still)) / 50 - 0.75
-    rise = np.where((t > 0) & (t < 0.5), 9.81 / 2 * t * (0.5 - t), 0.0)
-    clip = replace(still, root_pos=still.root_pos + rise[:, None] * [0, 0, 1])
-    trajectory = retarget(clip, load_rig("humanoid"))
-    height = trajectory.root_pos[:, 2] - trajectory.root_pos[shown_at(clip, trajectory, 0.3), 2]
-    assert height.max() == pytest.approx(9.81 * 0.5**2 / 8 * 0.85 / 0.81, rel=0.05)
-    assert not trajectory.contacts["left_foot"][shown_at(clip, trajectory, 1.0)]
-
-
-@pytest.mark.parametrize("rig", RIGS)
-def test_on_a_stand_the_root_is_still_and_the_feet_hang(rig: str) -> None:
-    description = load_rig(rig)
-    trajectory = done(rig, "walk", "stand")
-    height = description.nominal.height + description.stand_clearance
-    assert trajectory.qpos[:, :7] == pytest.approx(np.tile([0, 0, height, 1, 0, 0, 0], (len(trajectory), 1)), abs=1e-9)
-    assert soles(trajectory)[0, ..., 2] == pytest.approx(description.stand_clearance, abs=1e-3)
-    assert not any(flags.any() for flags in trajectory.contacts.values())
-    knees = trajectory.joint_pos[:, [description.joint_names().index(f"{s}_knee") for s in ("left", "right")]]
-    assert np.ptp(knees, axis=0).min() > 0.3
-
-
 def test_where_the_clip_begins_and_faces_does_not_matter() -> None:
     clip = motions.turned(motions.walk(), 2.0, np.array([3.0, -4.0, 0.0]))
     moved = retarget(clip, load_rig("humanoid"))
@@ -318,15 +199,6 @@ def test_the_two_servo_head_of_the_manual_turns_as_the_human_s_does(tmp_path: Pa
         retarget(clip, load_rig(folder), mount="free")
 
 
-def test_contact_labels_of_the_motion_come_first() -> None:
-    clip = motions.stand(1.0)
-    lifted = np.ones((len(clip), 4), bool)
-    lifted[:, 2:] = False
-    trajectory = retarget(replace(clip, contacts=lifted), load_rig("humanoid"))
-    assert trajectory.contacts["left_foot"].any()
-    assert not trajectory.contacts["right_foot"].any()
-
-
 def test_one_frame_another_rate_and_bad_requests() -> None:
     rig = load_rig("puppet")
     clip = motions.stand(0.0)
@@ -338,61 +210,3 @@ def test_one_frame_another_rate_and_bad_requests() -> None:
         retarget(clip, rig, mount="shelf")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="fps must be above 0, not 0"):
         retarget(clip, rig, fps=0)
-
-
-def test_minimum_jerk_takes_the_time_that_the_slowest_joint_needs() -> None:
-    nominal, pose = np.zeros(2), np.array([1.0, 0.5])
-    velocity = np.array([2.0, 0.5])
-    timeline = plan(pose, nominal, nominal, velocity, 10, 100.0)
-    assert timeline.lead == np.ceil(15 / 8 * 0.5 / 0.5 * 100)  # peak speed 15/8 of the mean (Flash and Hogan 1985)
-    assert timeline.tail == 50
-    start, end = np.array([0, 0, 0, 1, 0, 0, 0, 0, 0.0]), np.array([0, 0, 0, 1, 0, 0, 0, *pose])
-    path = np.vstack([ease(start, end, timeline.lead), end])
-    speed = np.abs(np.diff(path[:, 7:], axis=0)) * 100
-    assert (speed.max(0) <= velocity).all()
-    assert speed[:, 1].max() == pytest.approx(0.5, rel=0.01)
-    assert path[timeline.lead // 2, 7] == pytest.approx(0.5, abs=0.01)
-
-
-def test_the_motion_is_shown_whole_from_rest_to_rest_and_never_faster() -> None:
-    line = np.arange(101.0)[:, None]
-    timeline = plan(np.zeros(1), np.zeros(1), np.zeros(1), np.ones(1), 101, 50.0)
-    shown = stretch(line, timeline)[:, 0]
-    step = np.diff(shown)
-    assert (shown[0], shown[-1]) == pytest.approx((0, 100))
-    assert step.max() <= 1 + 1e-12
-    assert max(step[0], step[-1]) < 0.01
-    assert len(shown) == 101 + 15  # a ramp of 0.3 s costs half of it at each end
-
-
-def test_smoothing_keeps_constants_lines_and_limits() -> None:
-    rng = np.random.default_rng(0)
-    noisy: NDArray[np.float64] = rng.normal(size=(50, 3))
-    quiet = smoothed(noisy)
-    assert (quiet.min(0) >= noisy.min(0)).all()
-    assert (quiet.max(0) <= noisy.max(0)).all()
-    assert np.abs(np.diff(quiet, axis=0)).max() <= np.abs(np.diff(noisy, axis=0)).max()
-    line = np.arange(20.0)[:, None]
-    assert smoothed(line)[2:-2] == pytest.approx(line[2:-2])
-
-
-def test_a_foot_that_passes_the_other_clears_the_floor() -> None:
-    """The left foot stands, the right one slides past it at 1 m/s along the floor: the goal lifts it, and it alone."""
-    count, fps, height = 50, 50.0, 0.9
-    sole = np.array([[-0.05, 0.0, -0.08], [0.15, 0.0, -0.08]])
-    upright = np.array([1.0, 0, 0, 0])
-    feet = ("left_ankle", "right_ankle")
-    rest = Rest(dict.fromkeys(feet, np.zeros(3)), dict.fromkeys(feet, upright), dict.fromkeys(feet, sole))
-    follow = {foot: next(f for f in load_rig("humanoid").follow if f.human == foot) for foot in feet}
-    still = np.tile([0.0, 0.1, 0.08], (count, 1))
-    sliding = np.stack([np.arange(count) / fps, np.full(count, -0.1), np.full(count, 0.08)], axis=1)
-    goals = {
-        foot: Goal(follow[foot], "", at, np.tile(upright, (count, 1)), np.ones(count))
-        for foot, at in zip(feet, (still, sliding), strict=True)
-    }
-    flags = {"left_ankle": np.ones(count, bool), "right_ankle": np.zeros(count, bool)}
-    out = pinned(goals, rest, flags, fps, height)
-    assert out["right_ankle"].pos[:, 2] == pytest.approx(0.08 + CLEARANCE * height)
-    assert out["left_ankle"].pos == pytest.approx(still)
-    both_still = pinned(goals | {"right_ankle": replace(goals["right_ankle"], pos=still)}, rest, flags, fps, height)
-    assert both_still["right_ankle"].pos[:, 2] == pytest.approx(0.08)

@@ -17,6 +17,7 @@ from retarget.banded import FIRST, SECOND, Equations
 from retarget.contacts import planted, runs
 from retarget.goals import Goal
 from retarget.kinematics import moved, on_body, poses, tree_of, velocities
+from retarget.menagerie import menagerie_file
 from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
@@ -25,7 +26,10 @@ from retarget.tracking import add_springs, angles, linearised, reached, targets_
 from retarget.whole import solve
 
 FPS = 50.0
-RIGS = ("puppet", "humanoid")
+has_models = pytest.mark.skipif(
+    not menagerie_file("unitree_g1/g1.xml").is_absolute(), reason="no robot models: the extra rigcast[robots]"
+)
+RIGS = ("puppet", "humanoid", *(pytest.param(name, marks=has_models) for name in ("unitree_g1", "robotis_op3")))
 
 
 def nominal(rig: Rig) -> Array:
