@@ -27,6 +27,7 @@ from retarget.goals import Goal
 from retarget.rest import Rest
 
 LET_GO = 0.2  # s in which a foot that lifts forgets where it stood
+NO_ROWS = (np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0), np.zeros(0, bool))
 SLIP, SPIN = 0.15, 0.5  # root heights, rad: a human foot that slides or turns farther than that is set down anew
 
 
@@ -138,7 +139,7 @@ def footed(
     out = {name: _raised(frames(goal, 0, count), np.array(rises)) for name, goal in all_goals.items()}
     planted = {}
     for name, found in rows.items():
-        pos, quat, firm, flags = (np.array(part) for part in zip(*found, strict=True)) if found else _NOTHING
+        pos, quat, firm, flags = (np.array(part) for part in zip(*found, strict=True)) if found else NO_ROWS
         out[name] = replace(out[name], pos=pos, quat=quat, firm=firm)
         planted[name] = flags
     state = replace(
@@ -148,9 +149,6 @@ def footed(
         held=held[count:],
     )
     return state, out, planted
-
-
-_NOTHING = (np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0), np.zeros(0, bool))
 
 
 def _touch(ground: Ground, state: Footing, motion: Motion, joints: Array, height: Array, frame: int) -> Flags:

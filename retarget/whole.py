@@ -39,8 +39,7 @@ def solve(
 
     `start` (nq,) has the joints that the search starts from and that the goals leave open; the root stays there where
     `fixed_root`. `planted` (T,), by human joint, is where a goal is held rather than tracked; with it, soles stay above
-    the floor. Joint angles keep within `rig`'s ranges and velocities, and near its accelerations; a goal out of reach
-    is missed.
+    the floor. Joint angles keep within `rig`'s ranges and velocities; a goal out of reach is missed.
     """
     count = len(next(iter(goals.values())).pos)
     guess = np.tile(start, (count, 1))

@@ -2,8 +2,7 @@
 
 What is minimised is the squared error of every follower, the second differences of the configuration (so that the
 motion is as smooth as tracking allows: a low-pass without lag), and a little distance from the nominal pose. Planted
-feet, soles above the floor, bodies that keep apart, joint speeds and accelerations are springs far stiffer than what
-pulls at them; joint ranges are kept by projection. Each step is Gauss-Newton with Levenberg's damping on equations
+feet, soles above the floor, bodies that keep apart and joint speeds are springs far stiffer than what pulls at them; joint ranges are kept by projection. Each step is Gauss-Newton with Levenberg's damping on equations
 whose band is two frames wide, so that cost grows linearly with length.
 """
 
@@ -27,7 +26,7 @@ POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave
 GAP = 0.01  # of the root height: how far apart bodies stay that are not nearer in the nominal pose
 SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
-SPEEDING = 1e5  # 1/rad², of the springs that hold speeds and accelerations; what is left `limits.py` cuts off
+SPEEDING = 1e5  # 1/rad², of the springs that hold speeds; what is left `limits.py` cuts off
 FIRM = 100.0  # times its weight, a planted foot's goal
 GAIN = 0.02  # a step that gains a smaller share of the cost is the last
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
@@ -38,7 +37,7 @@ DAMPING = 1e-4
 @dataclass(frozen=True)
 class Problem:
     """What a rig brings to every window. `nominal` (nj,) rad; `even` (nv,) brings second differences of metres and
-    radians to one scale; of the joints, `reach` (2, nj) rad, `speed` (nj,) rad/s and `acceleration` (nj,) rad/s².
+    radians to one scale; of the joints, `reach` (2, nj) rad and `speed` (nj,) rad/s.
     `soles`: body (s,) and point (s, 3), kept above the floor. `gaps` (nbody, nbody) are the metres that two bodies stay
     apart. `size` is the nominal root height in metres.
     """
@@ -48,7 +47,6 @@ class Problem:
     even: Array
     reach: Array
     speed: Array
-    acceleration: Array
     soles: tuple[Indices, Array]
     gaps: Array
     size: float
@@ -73,7 +71,7 @@ class State:
     """Configurations `qpos` (T, nq) and what is amiss there; `cost` sums it up by weight.
 
     `points` and `off` are what `reached` gives and `turned` what `angles` gives, `bend` (T − 2, nv) the second
-    differences, `fast` (T − 1, nj) and `harsh` (T − 2, nj) rad above the speeds and accelerations, `soles` (T, s, 3)
+    differences, `fast` (T − 1, nj) rad above the speeds, `soles` (T, s, 3)
     where they are, `under` (T, s) and `near` (n,) metres too low and too near (below 0).
     """
 
@@ -84,7 +82,6 @@ class State:
     turned: Array
     bend: Array
     fast: Array
-    harsh: Array
     soles: Array
     under: Array
     near: Array
@@ -103,7 +100,6 @@ def problem_of(rig: Rig, model: mujoco.MjModel, start: Array, *, fixed_root: boo
         even=even,
         reach=np.array([[j.lower for j in rig.joints], [j.upper for j in rig.joints]]),
         speed=np.array([j.velocity for j in rig.joints]),
-        acceleration=np.array([j.acceleration for j in rig.joints]),
         soles=(np.array([s.bodyid[0] for s in sites], int), np.array([s.pos for s in sites]).reshape(-1, 3)),
         gaps=_gaps(tree, start, GAP * rig.nominal.height),
         size=rig.nominal.height,
@@ -190,8 +186,8 @@ def _state(problem: Problem, window: Window, qpos: Array) -> State:
     turned = angles(window.turns, at)
     rate = differences(qpos)
     bend = np.diff(rate, axis=0)
-    fast = _beyond(rate[:, ROOT_DOFS:], problem.speed * window.step)
-    harsh = _beyond(bend[:, ROOT_DOFS:], problem.acceleration * window.step**2)
+    stride = problem.speed * window.step
+    fast = rate[:, ROOT_DOFS:] - np.clip(rate[:, ROOT_DOFS:], -stride, stride)
     soles = on_body(at, *problem.soles)
     under = np.minimum(soles[..., 2] + SLACK * problem.size, 0.0)
     near = np.minimum(at.meetings.apart - problem.gaps[*at.meetings.bodies.T], 0.0)
@@ -200,10 +196,10 @@ def _state(problem: Problem, window: Window, qpos: Array) -> State:
         + (window.turns.weight * (turned**2).sum(-1)).sum()
         + (_smooth(problem, window) * bend**2).sum()
         + POSTURE**2 * ((qpos[:, 7:] - problem.nominal) ** 2).sum()
-        + SPEEDING * ((fast**2).sum() + (harsh**2).sum())
+        + SPEEDING * (fast**2).sum()
         + STIFF / problem.size**2 * ((under**2).sum() + (near**2).sum())
     )
-    return State(qpos, at, points, off, turned, bend, fast, harsh, soles, under, near, float(cost))
+    return State(qpos, at, points, off, turned, bend, fast, soles, under, near, float(cost))
 
 
 def _equations(problem: Problem, window: Window, state: State) -> Equations:
@@ -229,16 +225,9 @@ def _equations(problem: Problem, window: Window, state: State) -> Equations:
 
     out = Equations(curvature, gradient)
     out.add_differences(SECOND, _smooth(problem, window), state.bend)
-    for stencil, excess in ((FIRST, state.fast), (SECOND, state.harsh)):
-        if excess.any():
-            excess = np.concatenate([np.zeros((len(excess), ROOT_DOFS)), excess], axis=1)
-            out.add_differences(stencil, SPEEDING * (excess != 0), excess)
+    fast = np.concatenate([np.zeros((len(state.fast), ROOT_DOFS)), state.fast], axis=1)
+    out.add_differences(FIRST, SPEEDING * (fast != 0), fast)
     return out
-
-
-def _beyond(values: Array, most: Array) -> Array:
-    """What of `values` is beyond ± `most`, with its sign."""
-    return values - np.clip(values, -most, most)
 
 
 def differences(qpos: Array) -> Array:

@@ -163,7 +163,7 @@ def test_banded_equations_are_the_dense_ones() -> None:
     assert not found[:known].any()
 
 
-@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize("name", ["puppet", "humanoid"])
 def test_a_motion_made_from_the_rig_comes_back(name: str) -> None:
     """Random smooth angles → where that puts every body → the angles, within 0.01 rad, from the nominal pose.
 
