@@ -2,8 +2,9 @@
 
 What is minimised is the squared error of every follower, the second differences of the configuration (so that the
 motion is as smooth as tracking allows: a low-pass without lag), and a little distance from the nominal pose. Planted
-feet, soles above the floor, bodies that keep apart and joint speeds are springs far stiffer than what pulls at them; joint ranges are kept by projection. Each step is Gauss-Newton with Levenberg's damping on equations
-whose band is two frames wide, so that cost grows linearly with length.
+feet, soles above the floor, bodies that keep apart and joint speeds are springs far stiffer than what pulls at them;
+joint ranges are kept by projection. Each step is Gauss-Newton with Levenberg's damping on equations whose band is two
+frames wide, so that cost grows linearly with length.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave
 GAP = 0.01  # of the root height: how far apart bodies stay that are not nearer in the nominal pose
 SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
-SPEEDING = 1e5  # 1/rad², of the springs that hold speeds; what is left `limits.py` cuts off
+SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `limits.py` cuts off
 FIRM = 100.0  # times its weight, a planted foot's goal
 GAIN = 0.02  # a step that gains a smaller share of the cost is the last
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
