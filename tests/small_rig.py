@@ -19,7 +19,7 @@ REPORT = "0123456789abcdef"
 
 def small_rig(baud: int = 1_000_000) -> Rig:
     """Joints a, b, c with servos 3, 7, 1: neither in the order of the ids nor all of one model."""
-    joints = tuple(Joint(n, -1.5, 1.5, 3.0, 1.0, 4.8, 10.0, 0.5, 60.0) for n in "abc")
+    joints = tuple(Joint(n, -1.5, 1.5, 3.0, 1.0, 4.8, 10.0, 0.5) for n in "abc")
     servos = (Servo("a", "main", 3, XM430), Servo("b", "main", 7, XL430), Servo("c", "main", 1, XM430))
     return Rig(
         name="small",

@@ -57,7 +57,7 @@ def two_arm_rig(
         root="base",
         mount=mount,
         stand_clearance=0.1,
-        joints=tuple(Joint(n, -2.0, 2.0, 0.7 * no_load_speed, torque, no_load_speed, kp, kv, 70.0) for n in JOINTS),
+        joints=tuple(Joint(n, -2.0, 2.0, 0.7 * no_load_speed, torque, no_load_speed, kp, kv) for n in JOINTS),
         follow=(Follow("left_hand", "left_wrist", 1, 0), Follow("base", "left_ankle", 1, 0)),
         feet=(Foot("foot", "base", ("heel", "toe"), "left_ankle"),),
         nominal=Pose(HEIGHT, {}),
