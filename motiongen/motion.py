@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,15 @@ class Skeleton:
             raise ValueError(f"skeleton: a parent must come before its child, not {self.parents}")
         if not np.isfinite(self.offsets).all():
             raise ValueError("skeleton: offsets must be finite")
+
+    @cached_property
+    def levels(self) -> tuple[tuple[list[int], list[int]], ...]:
+        """Joints that are equally far from joint 0, and their parents: next to it first."""
+        depth = [0]
+        for parent in self.parents[1:]:
+            depth.append(depth[parent] + 1)
+        rows = [[j for j, d in enumerate(depth) if d == far] for far in range(1, max(depth) + 1)]
+        return tuple((joints, [self.parents[j] for j in joints]) for joints in rows)
 
     def index(self, name: str) -> int:
         """Row of the joint `name`; raises ValueError that lists the names."""
@@ -121,20 +131,18 @@ class Motion:
 
     def global_quat(self) -> Array:
         """World orientation (T, J, 4) of every joint."""
-        out = np.empty_like(self.joint_quat)
-        for j, parent in enumerate(self.skeleton.parents):
-            local = self.joint_quat[:, j]
-            out[:, j] = local if parent < 0 else quat_mul(out[:, parent], local)
+        out = self.joint_quat.copy()
+        for joints, parents in self.skeleton.levels:
+            out[:, joints] = quat_mul(out[:, parents], out[:, joints])
         return out
 
     def positions(self) -> Array:
         """World position (T, J, 3) of every joint in metres, by forward kinematics."""
         turn = self.global_quat()
-        out = np.empty((len(self), len(self.skeleton.names), 3))
+        out = quat_rotate(turn[:, self.skeleton.parents], self.skeleton.offsets)
         out[:, 0] = self.root_pos
-        for j, parent in enumerate(self.skeleton.parents):
-            if parent >= 0:
-                out[:, j] = out[:, parent] + quat_rotate(turn[:, parent], self.skeleton.offsets[j])
+        for joints, parents in self.skeleton.levels:
+            out[:, joints] += out[:, parents]
         return out
 
     def resampled(self, fps: float) -> Motion:
