@@ -10,7 +10,8 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
-from motiongen.diffusion.configs import TrainConfig, named
+from motiongen.diffusion.configs import TrainConfig
+from motiongen.diffusion.named_configs import named
 
 DEFAULT = "mdm"
 

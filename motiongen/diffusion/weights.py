@@ -173,6 +173,11 @@ def load_weights(path: Path) -> Weights:
         raise WeightsError(f"{path}: cut short or of another model ({str(error).splitlines()[0]})") from None
 
 
+def weights_path(name: str) -> Path:
+    """The weights file `name`, or that of a generator in the tree."""
+    return Path(name) if Path(name).suffix == ".safetensors" else FOLDER / f"{name}.safetensors"
+
+
 def nearest(bank: Bank, sentence: Floats) -> list[tuple[float, int]]:
     """Best cosine and index of every content for a unit sentence vector (384,), best first."""
     cosine, which = bank.vectors @ sentence, np.array(bank.which)
