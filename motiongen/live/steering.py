@@ -143,9 +143,7 @@ def _way(path: Array, place: Array) -> Array:
     """Vector (2,) from `place` to the point of the path that lies a little ahead of the nearest one ("pure pursuit",
     Coulter 1992)."""
     points = np.concatenate([place[None], path]) if len(path) == 1 else path
-    dense = np.concatenate(
-        [a + np.linspace(0, 1, 33)[:, None] * (b - a) for a, b in pairwise(points)]
-    )
+    dense = np.concatenate([a + np.linspace(0, 1, 33)[:, None] * (b - a) for a, b in pairwise(points)])
     near = int(np.linalg.norm(dense - place, axis=1).argmin())
     gone = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(dense[near:], axis=0), axis=1))])
     return dense[near + min(int(np.searchsorted(gone, AHEAD)), len(gone) - 1)] - place
