@@ -228,8 +228,8 @@ def _require_live(config: TrainConfig) -> None:
     chunk, patch = config.live.chunk, config.model.patch
     if chunk < history or chunk % patch or history % patch:
         raise ValueError(f"live.chunk {chunk} and model.history {history}: multiples of {patch}, the chunk no shorter")
-    if config.prediction != "x0" or config.by_action:
-        raise ValueError("live is for prediction x0 and by_action 0")
+    if config.prediction != "x0" or config.schedule != "cosine" or config.by_action or config.show_every:
+        raise ValueError("live is for prediction x0, schedule cosine, by_action 0 and show_every 0")
     for name in ("rollouts", "no_history", "steer_root", "steer_hand"):
         if not 0 <= (value := getattr(config.live, name)) <= 1:
             raise ValueError(f"live.{name} must be 0 to 1, not {value}")
