@@ -1,0 +1,194 @@
+"""The line while it runs: chunks are drawn, retargeted and gated ahead of the playhead, and drawn anew when told so.
+
+Work is done in blocks. Each passes the gate together with a way to rest from its end, so whatever has been admitted can
+be played, and then stopped. Where a block fails, the rig takes the way to rest, which has passed already, and begins
+again from there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motiongen.generator import Familiarity
+from motiongen.live.generator import LiveGenerator
+from motiongen.live.steering import Steer
+from motiongen.motion import Motion, cut
+from retarget.rig import Mount, Rig
+from retarget.streaming import Progress, advance, open_stream
+from retarget.trajectory import Trajectory
+from sim.ahead import Gate, Moment
+from sim.checks import report_id
+
+FPS = 50.0  # frames a second on the wire
+BLOCK = 6  # frames of human motion: 0.2 s, after each of which something else can begin
+LOOK_AHEAD_S = 0.1  # that retargeting sees of what comes
+LEAD_S = 0.2  # from what is said to the first frame that it can change: what making a block takes
+PAST_S = 2.0  # of played frames that are remembered
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Frames `qpos` (n, 7 + nj) from frame `first` on that have passed the gate as `report_id`, showing `text`."""
+
+    first: int
+    qpos: Array
+    report_id: str
+    text: str
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Where something else can begin: the number of the next frame, that of the generator, and what stays of each stage.
+    `way` (m, 7 + nj): to rest from here, `rested` the moment at its end."""
+
+    frame: int
+    drawn: int
+    progress: Progress
+    moment: Moment
+    way: Array
+    rested: Moment
+
+
+@dataclass
+class Work:
+    """Seconds that each stage took, blocks that the gate refused, and why the last one was."""
+
+    seconds: Counter[str] = field(default_factory=Counter)
+    refused: int = 0
+    why: str = ""
+
+
+class Line:
+    """What a rig on a stand is to do next, made by `make` block by block; `say`, `steer` and `rest` change it at once.
+
+    Raises RigError for the rig's files, ValueError where it is not on a stand.
+    """
+
+    def __init__(
+        self,
+        generator: LiveGenerator,
+        rig: Rig,
+        mount: Mount | None = None,
+        *,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self.generator, self.rig, self.work = generator, rig, Work()
+        self._mount, self._clock = rig.mount if mount is None else mount, clock
+        stream, progress = open_stream(
+            rig, generator.skeleton, 30.0, mount=self._mount, fps=FPS, look_ahead=LOOK_AHEAD_S
+        )
+        self._stream, self._opened = stream, progress
+        self._gate = Gate(rig, stream.nominal, FPS, self._mount)
+        self._begun = self._gate.begin()
+        nothing = np.zeros((0, 7 + len(rig.joints)))
+        self._points = [_Point(0, generator.frame, progress, self._begun, nothing, self._begun)]
+        self.blocks: list[Block] = []
+        self._pending: Motion | None = None  # drawn and not yet retargeted
+
+    @property
+    def frame(self) -> int:
+        """Number of the next frame that is to be made."""
+        return self._points[-1].frame
+
+    def say(self, text: str, playhead: int, *, seconds: float | None = None) -> Familiarity:
+        """Do `text` as soon as that can be after the frame `playhead`; see `LiveGenerator.say`."""
+        point = self._point_after(playhead)
+        found = self.generator.say(text, point.drawn, seconds=seconds)
+        if found.known:
+            self._go_back(point)
+        return found
+
+    def steer(self, steer: Steer, playhead: int) -> None:
+        """Steer from as soon after `playhead` as can be; see `LiveGenerator.steer`."""
+        point = self._point_after(playhead)
+        self.generator.steer(steer, point.drawn)
+        self._go_back(point)
+
+    def rest(self, playhead: int) -> int:
+        """Ease to rest from as soon after `playhead` as can be, by a way that has passed, then idle; the frame at which
+        the rig will be at rest."""
+        point = self._point_after(playhead)
+        self._go_back(point)
+        self._take_way()
+        return self.frame
+
+    def make(self) -> Block:
+        """The next block that may be played. Where the gate refuses what was drawn, that is the way to rest."""
+        point = self._points[-1]
+        while True:
+            motion, text = self._drawn()
+            progress, qpos = self._retargeted(self._points[-1].progress, motion)
+            if len(qpos):
+                break
+            self._points[-1] = replace(point, progress=progress, drawn=point.drawn + len(motion))  # only looked ahead
+            point = self._points[-1]
+        began = self._clock()
+        verdict = self._gate.judge(point.moment, qpos)
+        self.work.seconds["gate"] += self._clock() - began
+        if not verdict.ok:
+            self.work.refused += 1
+            self.work.why = "; ".join(check.advice for check in verdict.failures)
+            return self._take_way()
+        block = Block(point.frame, qpos, self._id(qpos), text)
+        drawn = point.drawn + len(motion)
+        self._add(
+            block, _Point(point.frame + len(qpos), drawn, progress, verdict.after, verdict.way, verdict.rested)
+        )
+        return block
+
+    def _drawn(self) -> tuple[Motion, str]:
+        """The next frames of human motion, at most a block of them."""
+        if self._pending is None:
+            began = self._clock()
+            self._pending = self.generator.next_chunk()
+            self.work.seconds["generate"] += self._clock() - began
+        motion = self._pending
+        self._pending = cut(motion, BLOCK, len(motion)) if len(motion) > BLOCK else None
+        return cut(motion, 0, min(BLOCK, len(motion))), motion.labels[0].text
+
+    def _retargeted(self, progress: Progress, motion: Motion) -> tuple[Progress, Array]:
+        began = self._clock()
+        progress, streamed = advance(self._stream, progress, motion)
+        self.work.seconds["retarget"] += self._clock() - began
+        return progress, streamed.qpos
+
+    def _take_way(self) -> Block:
+        """Add the way to rest, and begin again behind it."""
+        point = self._points[-1]
+        way = point.way if len(point.way) else self._stream.nominal[None]
+        self.generator.idle(point.drawn)
+        self._pending = None
+        block = Block(point.frame, way, self._id(way), "rest")
+        after = _Point(point.frame + len(way), point.drawn, self._opened, point.rested, way[:0], point.rested)
+        self._add(block, after)
+        return block
+
+    def _add(self, block: Block, point: _Point) -> None:
+        self.blocks.append(block)
+        self._points.append(point)
+        while self._points[1].frame < point.frame - PAST_S * FPS and len(self._points) > 2:
+            self._points.pop(0)
+            self.blocks.pop(0)
+
+    def _point_after(self, playhead: int) -> _Point:
+        """The first point that is far enough ahead, else the last."""
+        wanted = playhead + round(LEAD_S * FPS)
+        return next((p for p in self._points if p.frame >= wanted), self._points[-1])
+
+    def _go_back(self, point: _Point) -> None:
+        while self._points[-1] is not point:
+            self._points.pop()
+            self.blocks.pop()
+        self._pending = None
+
+    def _id(self, qpos: Array) -> str:
+        trajectory = Trajectory(qpos, FPS, self.rig.name, self.rig.joint_names())
+        return report_id(trajectory, self.rig, self._mount)
