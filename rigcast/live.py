@@ -28,7 +28,8 @@ from sim.checks import report_id
 FPS = 50.0  # frames a second on the wire
 BLOCK = 6  # frames of human motion: 0.2 s, after each of which something else can begin
 LOOK_AHEAD_S = 0.1  # that retargeting sees of what comes
-LEAD_S = 0.2  # from what is said to the first frame that it can change: what making a block takes
+LEAD_S = 0.2  # at least, from what is said to the first frame that it can change: what making a block takes
+LEAD_SHARE = 1.5  # times what the first block after the last change took
 PAST_S = 2.0  # of played frames that are remembered
 
 Array = NDArray[np.float64]
@@ -46,7 +47,7 @@ class Block:
 
 @dataclass(frozen=True)
 class _Point:
-    """Where something else can begin: the number of the next frame, that of the generator, and what stays of each stage.
+    """Where something else can begin: the number of the next frame, that of the generator's, what stays of each stage.
     `way` (m, 7 + nj): to rest from here, `rested` the moment at its end."""
 
     frame: int
@@ -81,17 +82,24 @@ class Line:
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.generator, self.rig, self.work = generator, rig, Work()
-        self._mount, self._clock = rig.mount if mount is None else mount, clock
+        self.mount: Mount = rig.mount if mount is None else mount
+        self._clock = clock
         stream, progress = open_stream(
-            rig, generator.skeleton, 30.0, mount=self._mount, fps=FPS, look_ahead=LOOK_AHEAD_S
+            rig, generator.skeleton, 30.0, mount=self.mount, fps=FPS, look_ahead=LOOK_AHEAD_S
         )
         self._stream, self._opened = stream, progress
-        self._gate = Gate(rig, stream.nominal, FPS, self._mount)
+        self._gate = Gate(rig, stream.nominal, FPS, self.mount)
         self._begun = self._gate.begin()
         nothing = np.zeros((0, 7 + len(rig.joints)))
         self._points = [_Point(0, generator.frame, progress, self._begun, nothing, self._begun)]
         self.blocks: list[Block] = []
         self._pending: Motion | None = None  # drawn and not yet retargeted
+        self._took_s = 0.0  # for the last block with a chunk of its own
+
+    @property
+    def rest_pose(self) -> Array:
+        """(7 + nj,): where it begins, and where every way leads."""
+        return self._stream.nominal
 
     @property
     def frame(self) -> int:
@@ -112,17 +120,24 @@ class Line:
         self.generator.steer(steer, point.drawn)
         self._go_back(point)
 
-    def rest(self, playhead: int) -> int:
-        """Ease to rest from as soon after `playhead` as can be, by a way that has passed, then idle; the frame at which
-        the rig will be at rest."""
-        point = self._point_after(playhead)
-        self._go_back(point)
-        self._take_way()
-        return self.frame
+    def rest(self, playhead: int) -> Block:
+        """The way to rest, which has passed already, from as soon after `playhead` as can be; then it idles."""
+        self._go_back(self._point_after(playhead))
+        return self.take_way()
+
+    @property
+    def way(self) -> Array:
+        """(m, 7 + nj) frames to rest from the end of all that was made; none where it is at rest."""
+        return self._points[-1].way
+
+    @property
+    def way_id(self) -> str:
+        """The report in which the way passed: that of the last block."""
+        return self.blocks[-1].report_id
 
     def make(self) -> Block:
         """The next block that may be played. Where the gate refuses what was drawn, that is the way to rest."""
-        point = self._points[-1]
+        point, start, fresh = self._points[-1], self._clock(), self._pending is None
         while True:
             motion, text = self._drawn()
             progress, qpos = self._retargeted(self._points[-1].progress, motion)
@@ -133,16 +148,19 @@ class Line:
         began = self._clock()
         verdict = self._gate.judge(point.moment, qpos)
         self.work.seconds["gate"] += self._clock() - began
+        self._took_s = self._clock() - start if fresh else self._took_s
         if not verdict.ok:
             self.work.refused += 1
             self.work.why = "; ".join(check.advice for check in verdict.failures)
-            return self._take_way()
-        block = Block(point.frame, qpos, self._id(qpos), text)
+            return self.take_way()
+        block = Block(point.frame, qpos, self._id(np.concatenate([qpos, verdict.way])), text)
         drawn = point.drawn + len(motion)
-        self._add(
-            block, _Point(point.frame + len(qpos), drawn, progress, verdict.after, verdict.way, verdict.rested)
-        )
+        self._add(block, _Point(point.frame + len(qpos), drawn, progress, verdict.after, verdict.way, verdict.rested))
         return block
+
+    def forget(self) -> None:
+        """The last block was not played: the rig has taken the way to rest before it, see `take_way`."""
+        self._go_back(self._points[-2])
 
     def _drawn(self) -> tuple[Motion, str]:
         """The next frames of human motion, at most a block of them."""
@@ -160,13 +178,13 @@ class Line:
         self.work.seconds["retarget"] += self._clock() - began
         return progress, streamed.qpos
 
-    def _take_way(self) -> Block:
-        """Add the way to rest, and begin again behind it."""
+    def take_way(self) -> Block:
+        """The way to rest from the end of all that was made; what is made next begins behind it."""
         point = self._points[-1]
         way = point.way if len(point.way) else self._stream.nominal[None]
         self.generator.idle(point.drawn)
         self._pending = None
-        block = Block(point.frame, way, self._id(way), "rest")
+        block = Block(point.frame, way, self.way_id if self.blocks else self._id(way), "rest")
         after = _Point(point.frame + len(way), point.drawn, self._opened, point.rested, way[:0], point.rested)
         self._add(block, after)
         return block
@@ -180,7 +198,7 @@ class Line:
 
     def _point_after(self, playhead: int) -> _Point:
         """The first point that is far enough ahead, else the last."""
-        wanted = playhead + round(LEAD_S * FPS)
+        wanted = playhead + round(max(LEAD_S, LEAD_SHARE * self._took_s) * FPS)
         return next((p for p in self._points if p.frame >= wanted), self._points[-1])
 
     def _go_back(self, point: _Point) -> None:
@@ -191,4 +209,4 @@ class Line:
 
     def _id(self, qpos: Array) -> str:
         trajectory = Trajectory(qpos, FPS, self.rig.name, self.rig.joint_names())
-        return report_id(trajectory, self.rig, self._mount)
+        return report_id(trajectory, self.rig, self.mount)

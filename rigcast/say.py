@@ -35,6 +35,7 @@ def say(
     guidance: float | None = None,
     candidates: int = DEFAULT_CANDIDATES,
     strict: bool = False,
+    live: bool = False,
     delivery: Annotated[Delivery, arg(name="")] = Delivery(),  # noqa: B008
 ) -> int:
     """Generate a motion for TEXT, retarget it, check it in physics, then write, stream or show it.
@@ -53,7 +54,14 @@ def say(
         guidance: How strictly the text is followed; by default as the generator is best at.
         candidates: Motions drawn at most for a text, of which the one is kept that does what can be measured of it.
         strict: Exit 1 where a text is far from everything that the generator was trained on.
+        live: Stream without end, and do what is typed, line by line, at once; see docs/live.md.
     """
+    if live:
+        from rigcast.prompt import prompt
+
+        _require_plain(timeline, action, unconditioned, seconds)
+        name = "live" if generator == "mdm" else generator
+        return prompt(load_rig(rig, model), mount, delivery, text=text, generator=name, seed=seed)
     times = Times()
     texts = _texts(text, timeline, action, unconditioned, seconds)
     require(delivery, has_motion=True)
@@ -74,6 +82,11 @@ def say(
     from rigcast.pipeline import take
 
     return deliver(take(motion, body, mount, times, fix=delivery.fix), delivery, times, said)
+
+
+def _require_plain(timeline: Path | None, action: str | None, unconditioned: bool, seconds: float | None) -> None:
+    if timeline is not None or action is not None or unconditioned or seconds is not None:
+        raise PromptError("--live follows what is typed; leave --timeline, --action, --unconditioned and --seconds out")
 
 
 def _texts(

@@ -100,9 +100,9 @@ class LiveGenerator:
         text = check_prompt(text)
         if seconds is not None:
             check_seconds(seconds)
-        start = self._go_back(at_frame)
         found = self.familiarity(text)
         if found.known:
+            start = self._go_back(at_frame)
             stop = start + round(seconds * FPS) if seconds is not None else self._usual_stop(text, start, found)
             self._prompts = [*(p for p in self._prompts if p.start < start), Prompt(text, start, stop)]
         return found

@@ -116,7 +116,7 @@ class LiveObjective(Objective[LiveShare]):
         for level, last in ((t, False), (t * AGAIN, True)):
             with torch.autocast(x.device.type, torch.bfloat16, enabled=self._bf16):
                 told = torch.cat([first, noisy], dim=1), level.to(x), frames, *share.before, keep, None, steer
-                drawn = self._network(*told).float()[:, history:]
+                drawn = self._model(*told).float()[:, history:]
             if not last:
                 noisy = self._noised(drawn, torch.randn_like(drawn), t * AGAIN)
         drawn = drawn[:, chunk - history :]
