@@ -59,14 +59,16 @@ class LiveGenerator:
     ) -> None:
         """`area`: the floor that is not to be left."""
         self.name, self.seed, self.how, self.area = path.stem, seed, how, area
-        self._model = load_weights(path)
-        require_known(self._model, str(path))
-        if not self._model.sizes.get("history"):
+        self.weights = load_weights(path)
+        require_known(self.weights, str(path))
+        if not self.weights.sizes.get("history"):
             raise WeightsError(f"{path}: draws whole clips; a live generator needs weights with a history")
         self._encoder = TextEncoder()
         self._encoded: OrderedDict[str, Said] = OrderedDict()
-        self.skeleton = Skeleton(SMPL_JOINTS, SMPL_PARENTS, self._model.offsets.astype(float), BANDAI_NAMCO.foot_height)
-        self.licence, self.digest = self._model.licence, self._model.digest
+        self.skeleton = Skeleton(
+            SMPL_JOINTS, SMPL_PARENTS, self.weights.offsets.astype(float), BANDAI_NAMCO.foot_height
+        )
+        self.licence, self.digest = self.weights.licence, self.weights.digest
         self._states = [begin()]  # of the last chunks' starts, and of now
         self._chunks: list[Chunk] = []
         self._prompts = [Prompt(IDLE, 0, None)]
@@ -84,7 +86,7 @@ class LiveGenerator:
 
     def familiarity(self, text: str) -> Familiarity:
         """How close `text` is to the training captions; raises PromptError for a text that nobody could follow."""
-        bank = self._model.bank
+        bank = self.weights.bank
         best = nearest(bank, self._said(check_prompt(text)).sentence[0])
         names = tuple(bank.contents[i].replace("-", " ") for _, i in best[:3])
         return Familiarity(best[0][0] >= bank.known, best[0][0], names)
@@ -126,8 +128,8 @@ class LiveGenerator:
         turn = next(t for t in reversed(self._turns) if t.start <= state.frame)
         until = min([until, *(t.start for t in self._turns if t.start > state.frame)], default=until)
         steer = self._kept_inside(turn.steer)
-        told = signals(self._model, steer, state.heading, state.place, state.cruise, state.frame - turn.start)
-        chunk = next_chunk(self._model, self.skeleton, state, self._said(text), told, self.how, self.seed)
+        told = signals(self.weights, steer, state.heading, state.place, state.cruise, state.frame - turn.start)
+        chunk = next_chunk(self.weights, self.skeleton, state, self._said(text), told, self.how, self.seed)
         count = min(len(chunk), until - state.frame)
         self._chunks.append(chunk)
         self._states.append(after(chunk, count))
@@ -146,7 +148,7 @@ class LiveGenerator:
     def _usual_stop(self, text: str, start: int, found: Familiarity) -> int | None:
         if found.nearest[0].replace(" ", "-") in EVEN_GAITS:
             return None
-        return start + round(float(usual_seconds(self._model.lengths, self._said(text).sentence)[0]) * FPS)
+        return start + round(float(usual_seconds(self.weights.lengths, self._said(text).sentence)[0]) * FPS)
 
     def _go_back(self, at_frame: int | None) -> int:
         """Forget what was drawn from a frame on, and what was said for later; that frame."""
