@@ -27,7 +27,7 @@ def train(
 
     Args:
         data: Folder of a data set (`rigcast data build`).
-        generator: mdm, free, motiondiffuse, phase-autoencoder, diffusionphase (after that), mdm-paper,
+        generator: mdm, free, motiondiffuse, live, phase-autoencoder, diffusionphase (after that), mdm-paper,
             mdm-decoder-paper or motiondiffuse-paper; all other options are as it has them, unless they are given.
         out: Folder of the run, by default runs/GENERATOR.
         config: The run.
