@@ -1,6 +1,6 @@
 """The live generator: its speed against real time, what answering takes as a client sees it, an hour of it.
 
-    python benchmarks/live.py [--quick] [--json] [--gate] [--part speed|line|client|hour|offline]
+    python benchmarks/live.py [--quick] [--json] [--gate] [--part speed|line|client|hour|steer|offline]
 
 Times are wall time on whatever else the machine does; `cores` says how many there are. Targets are for two idle cores.
 """
@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from lines import Line, gate, text
 from live_client import answers
 from live_hour import hour
+from live_steer import steered
 
 from motiongen.diffusion.weights import FOLDER
 from motiongen.features import FPS
@@ -46,6 +47,7 @@ def main() -> int:
         "line": whole_line,
         "client": client,
         "hour": long_run,
+        "steer": steer,
         "offline": offline,
     }
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -173,6 +175,11 @@ def long_run(weights: Path, quick: bool, found: Found) -> None:
     )
     found.lines += [Line("hour", *line) for line in lines]
     found.figures["hour"] = asdict(seen)
+
+
+def steer(weights: Path, quick: bool, found: Found) -> None:
+    """Errors of what is steered, heard by the network or overwritten in what it draws."""
+    found.figures["steering"] = steered(weights, 1 if quick else 9)
 
 
 def offline(weights: Path, quick: bool, found: Found) -> None:

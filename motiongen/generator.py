@@ -108,6 +108,7 @@ def list_generators() -> dict[str, str]:
         "mdm": "text to motion by diffusion (MDM, decoder form), trained on motion capture and gestures",
         "motiondiffuse": "the same by another network (MotionDiffuse): efficient attention, estimates of the noise",
         "diffusionphase": "text to periodic phases by diffusion (DiffusionPhase): any length without falling off",
+        "live": "MDM that goes on from what was done last: motion without end that answers at once (say --live)",
         "gestures": "hand-written gestures found by their names: nod, clap three times, bow 30 degrees; no weights",
     }
 
@@ -122,6 +123,10 @@ def load_generator(name: str = "mdm") -> Generator:
         from motiongen.gestures.generator import GestureGenerator
 
         return GestureGenerator()
+    if name == "live":
+        from motiongen.live.clips import LiveClips
+
+        return LiveClips()
     path = Path(name)
     if path.suffix != WEIGHTS_SUFFIX and name not in list_generators():
         raise PromptError(

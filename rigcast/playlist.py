@@ -37,6 +37,12 @@ class Playlist:
         self._last: Row | None = None
         self._ran_out = False
 
+    @property
+    def done(self) -> bool:
+        """Whether neither rows nor a way to rest are left."""
+        with self._changed:
+            return not self._rows and not self._way
+
     @contextmanager
     def held(self) -> Iterator[int]:
         """The number of the next row to be played, which stays that within the context: no longer than a frame."""

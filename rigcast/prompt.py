@@ -32,7 +32,7 @@ from sim.checks import report_id
 NS = 1_000_000_000
 PERIOD_NS = round(NS / FPS)
 AHEAD_S = 0.6  # that is admitted ahead of the playhead; what is said later takes back what was not played
-START_S = 1.0  # admitted before the first frame goes out
+START_S = 0.4  # admitted before the first frame goes out
 POLL_S = 0.02
 REST = ":rest"
 
@@ -153,13 +153,11 @@ def play(
     maker = Maker(line, playlist, tell)
     with Publisher(hello, address, keys=keys, insecure=insecure, clock=clock) as publisher:
         maker.start()
-        while playlist.wait_below(1, 0) or (
-            playlist.wait_below(round(START_S * FPS / 2), 0) and not maker.over.is_set()
-        ):
-            publisher.tick()
-            clock.sleep_until_ns(clock.now_ns() + PERIOD_NS)
+        while playlist.wait_below(round(START_S * FPS), 0):
             if maker.failed is not None:
                 raise maker.failed
+            publisher.tick()
+            clock.sleep_until_ns(clock.now_ns() + PERIOD_NS)
         threading.Thread(target=_listen, args=(lines, maker.said), daemon=True).start()
         sent, due, leaving = 0, clock.now_ns(), False
         stream = secrets.randbits(32)
@@ -168,7 +166,7 @@ def play(
             if stopped() and not leaving:
                 leaving = True
                 maker.said.put(None)
-            if maker.over.is_set() and playlist.wait_below(1, 0):
+            if maker.over.is_set() and playlist.done:
                 break
             if (now := clock.now_ns()) - due > TOO_LATE_NS:
                 due = now

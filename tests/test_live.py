@@ -18,6 +18,7 @@ from motiongen.diffusion.weights import FOLDER, WeightsError, load_weights
 from motiongen.features import FPS, HEIGHT, features_to_motion, motion_to_features
 from motiongen.generator import PromptError
 from motiongen.live.chunk import TAIL, after
+from motiongen.live.clips import LiveClips
 from motiongen.live.generator import PAST_S, LiveGenerator
 from motiongen.live.steering import HANDS, HANDS_GIVEN, REACH_S, ROOT, ROOT_GIVEN, STROLL, Area, Steer, signals
 from motiongen.motion import Motion
@@ -232,3 +233,21 @@ def test_networks_are_not_taken_for_each_other(path: Path) -> None:
         LiveGenerator(FOLDER / "mdm.safetensors")
     with pytest.raises(WeightsError, match="goes on from a history"):
         DiffusionGenerator(path)
+
+
+def test_clips_are_as_long_as_asked_and_the_same_for_the_same_seed(path: Path) -> None:
+    clips = LiveClips(path)
+    one, again, other = (clips.generate("nod", seconds=3.0, seed=seed) for seed in (1, 1, 2))
+    assert len(one) == 90
+    assert np.array_equal(one.joint_quat, again.joint_quat)
+    assert not np.allclose(one.joint_quat, other.joint_quat, atol=1e-3)
+    assert [label.text for label in one.labels] == ["nod"]
+    assert one.contacts is not None
+    assert len(one.contacts) == 90
+    assert len(clips.generate("nod")) == 30  # the fixture's usual length is 1 s
+    strange = "quarterly tax return of a limited company"
+    assert not clips.familiarity(strange).known
+    assert clips.generate(strange, seconds=1.0).labels[0].text == strange
+    assert not np.allclose(
+        clips.generate("nod", seconds=3.0, seed=1, guidance=5.0).joint_quat, one.joint_quat, atol=1e-3
+    )

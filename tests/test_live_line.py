@@ -12,6 +12,7 @@ import pytest
 from motiongen.generator import Familiarity, check_prompt, load_generator
 from motiongen.motion import Label, Motion, cut
 from retarget.rig import Rig, load_rig
+from rigcast.__main__ import main
 from rigcast.live import BLOCK, FPS, LEAD_S, Line
 from rigcast.playlist import Playlist, Row
 from rigcast.prompt import REST, Maker
@@ -174,7 +175,38 @@ def test_what_is_typed_is_obeyed_or_answered_in_a_line(rig: Rig) -> None:
     assert told.get(timeout=1) == "the text has 4999 characters; at most 1000 are taken"
     assert told.empty()
     last = None
-    while not playlist.wait_below(1, 0):
+    while not playlist.done:
         last = playlist.play()
     assert last is not None
     assert np.allclose(last[0].qpos, line.rest_pose)
+
+
+def test_failure_plays_the_way_to_rest_and_is_told(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    line, playlist = opened(rig), Playlist()
+    maker = Maker(line, playlist, lambda text: None)
+    chunks = line.generator.next_chunk
+    drawn = iter([chunks(), chunks()])
+    monkeypatch.setattr(line.generator, "next_chunk", lambda: next(drawn))  # then StopIteration
+    maker.start()
+    last = None
+    while not (maker.over.is_set() and playlist.done):
+        last = playlist.play() or last
+    maker.join(30.0)
+    assert isinstance(maker.failed, StopIteration)
+    assert last is not None
+    assert np.allclose(last[0].qpos, line.rest_pose)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["--out", "x.npz"], "--live streams at 50 Hz what has passed, and nothing else"),
+        (["--seconds", "3"], "--live follows what is typed"),
+        (["--generator", "mdm-paper"], "no such weights file"),
+    ],
+)
+def test_live_that_makes_no_sense_is_refused(
+    given: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["say", "--live", *given]) == 2
+    assert message in " ".join(capsys.readouterr().err.split())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import cast
 
 import numpy as np
@@ -119,13 +120,9 @@ def _drawn(model: Weights, state: State, said: Said, steering: Floats, how: Draw
     return cast(Floats, SAMPLERS[SAMPLER](denoise, lambda: noise, schedule, _times(model.schedule, how.passes))[0])
 
 
-_GRIDS: dict[tuple[str, int], list[float]] = {}
-
-
+@cache
 def _times(schedule: str, passes: int) -> list[float]:
-    if (schedule, passes) not in _GRIDS:
-        _GRIDS[schedule, passes] = even_ratios(SCHEDULES[schedule], passes)
-    return _GRIDS[schedule, passes]
+    return even_ratios(SCHEDULES[schedule], passes)
 
 
 def _slip(features: Array, skeleton: Skeleton, known: int) -> Array:

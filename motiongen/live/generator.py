@@ -15,7 +15,7 @@ from motiongen.diffusion.lengths import usual_seconds
 from motiongen.diffusion.said import Said
 from motiongen.diffusion.weights import FOLDER, WeightsError, load_weights, nearest
 from motiongen.features import FPS
-from motiongen.generator import Familiarity, PromptError, check_prompt, check_seconds
+from motiongen.generator import MAX_SECONDS, MIN_SECONDS, Familiarity, PromptError, check_prompt, check_seconds
 from motiongen.live.chunk import Chunk, Drawing, State, after, begin, next_chunk, shown
 from motiongen.live.steering import Area, Steer, signals
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Motion, Skeleton, Source
@@ -58,7 +58,7 @@ class LiveGenerator:
         area: Area | None = None,
     ) -> None:
         """`area`: the floor that is not to be left."""
-        self.name, self.seed, self.how, self.area = path.stem, seed, how, area
+        self.name, self.how, self.area = path.stem, how, area
         self.weights = load_weights(path)
         require_known(self.weights, str(path))
         if not self.weights.sizes.get("history"):
@@ -69,6 +69,11 @@ class LiveGenerator:
             SMPL_JOINTS, SMPL_PARENTS, self.weights.offsets.astype(float), BANDAI_NAMCO.foot_height
         )
         self.licence, self.digest = self.weights.licence, self.weights.digest
+        self.restart(seed)
+
+    def restart(self, seed: int) -> None:
+        """Begin anew, at the origin and facing +x, with nothing said."""
+        self.seed = seed
         self._states = [begin()]  # of the last chunks' starts, and of now
         self._chunks: list[Chunk] = []
         self._prompts = [Prompt(IDLE, 0, None)]
@@ -91,11 +96,18 @@ class LiveGenerator:
         names = tuple(bank.contents[i].replace("-", " ") for _, i in best[:3])
         return Familiarity(best[0][0] >= bank.known, best[0][0], names)
 
-    def say(self, text: str, at_frame: int | None = None, *, seconds: float | None = None) -> Familiarity:
+    def usual_seconds(self, text: str) -> float:
+        """How long motions that are called so last, within what can be asked for."""
+        usual = float(usual_seconds(self.weights.lengths, self._said(text).sentence)[0])
+        return min(max(usual, MIN_SECONDS), MAX_SECONDS)
+
+    def say(
+        self, text: str, at_frame: int | None = None, *, seconds: float | None = None, anyway: bool = False
+    ) -> Familiarity:
         """Do `text` from a frame on, by default the next, for `seconds`, by default as long as such motions last, then
         stand idle; a gait goes on until something else is said.
 
-        A text far from all that was trained on changes nothing; the answer names the nearest. Frames from `at_frame` on
+        A text far from all that was trained on changes nothing, but with `anyway`; the answer names the nearest. Frames from `at_frame` on
         that were drawn already are drawn anew. Raises PromptError for a text or a length that nobody could follow, or a
         frame too long ago.
         """
@@ -103,7 +115,7 @@ class LiveGenerator:
         if seconds is not None:
             check_seconds(seconds)
         found = self.familiarity(text)
-        if found.known:
+        if found.known or anyway:
             start = self._go_back(at_frame)
             stop = start + round(seconds * FPS) if seconds is not None else self._usual_stop(text, start, found)
             self._prompts = [*(p for p in self._prompts if p.start < start), Prompt(text, start, stop)]
@@ -148,7 +160,7 @@ class LiveGenerator:
     def _usual_stop(self, text: str, start: int, found: Familiarity) -> int | None:
         if found.nearest[0].replace(" ", "-") in EVEN_GAITS:
             return None
-        return start + round(float(usual_seconds(self.weights.lengths, self._said(text).sentence)[0]) * FPS)
+        return start + round(self.usual_seconds(text) * FPS)
 
     def _go_back(self, at_frame: int | None) -> int:
         """Forget what was drawn from a frame on, and what was said for later; that frame."""
