@@ -205,8 +205,6 @@ def test_failure_plays_the_way_to_rest_and_is_told(rig: Rig, monkeypatch: pytest
         (["--generator", "mdm-paper"], "no such weights file"),
     ],
 )
-def test_live_that_makes_no_sense_is_refused(
-    given: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_live_with_other_wishes_is_refused(given: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["say", "--live", *given]) == 2
     assert message in " ".join(capsys.readouterr().err.split())

@@ -107,9 +107,9 @@ class LiveGenerator:
         """Do `text` from a frame on, by default the next, for `seconds`, by default as long as such motions last, then
         stand idle; a gait goes on until something else is said.
 
-        A text far from all that was trained on changes nothing, but with `anyway`; the answer names the nearest. Frames from `at_frame` on
-        that were drawn already are drawn anew. Raises PromptError for a text or a length that nobody could follow, or a
-        frame too long ago.
+        A text far from all that was trained on changes nothing, but with `anyway`; the answer names the nearest. Frames
+        from `at_frame` on that were drawn already are drawn anew. Raises PromptError for a text or a length that nobody
+        could follow, or a frame too long ago.
         """
         text = check_prompt(text)
         if seconds is not None:
