@@ -168,7 +168,7 @@ def test_what_is_typed_is_obeyed_or_answered_in_a_line(rig: Rig) -> None:
     for text in ("sing", "wave " * 1000, "raise the right hand", REST, None):
         maker.said.put(text)
     maker.start()
-    maker.join(30.0)
+    maker.join(300.0)
     assert maker.failed is None
     assert maker.over.is_set()
     assert told.get(timeout=1) == "'sing' is far from what is known; nearest: wave; it goes on as it was"
@@ -191,7 +191,7 @@ def test_failure_plays_the_way_to_rest_and_is_told(rig: Rig, monkeypatch: pytest
     last = None
     while not (maker.over.is_set() and playlist.done):
         last = playlist.play() or last
-    maker.join(30.0)
+    maker.join(300.0)
     assert isinstance(maker.failed, StopIteration)
     assert last is not None
     assert np.allclose(last[0].qpos, line.rest_pose)
