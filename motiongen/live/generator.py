@@ -23,6 +23,7 @@ from motiongen.skeletons import BANDAI_NAMCO
 from motiongen.text.encoder import TextEncoder
 
 IDLE = "stand idle"  # what is done when nothing is asked for
+MIXED = ("cmu", "composed")  # contents of the bank that are many things
 PAST_S = 4.0  # that can be gone back
 TEXTS = 64  # encoded texts that are kept
 BORDER_S = 1.5  # s from the border of the floor, at the speed there is, at which the way turns back
@@ -105,7 +106,7 @@ class LiveGenerator:
         self, text: str, at_frame: int | None = None, *, seconds: float | None = None, anyway: bool = False
     ) -> Familiarity:
         """Do `text` from a frame on, by default the next, for `seconds`, by default as long as such motions last, then
-        stand idle; a gait goes on until something else is said.
+        stand idle; an even gait goes on until something else is said.
 
         A text far from all that was trained on changes nothing, but with `anyway`; the answer names the nearest. Frames
         from `at_frame` on that were drawn already are drawn anew. Raises PromptError for a text or a length that nobody
@@ -158,7 +159,8 @@ class LiveGenerator:
         return IDLE, following
 
     def _usual_stop(self, text: str, start: int, found: Familiarity) -> int | None:
-        if found.nearest[0].replace(" ", "-") in EVEN_GAITS:
+        kinds = [name.replace(" ", "-") for name in found.nearest if name not in MIXED]
+        if kinds and kinds[0] in EVEN_GAITS:
             return None
         return start + round(self.usual_seconds(text) * FPS)
 
