@@ -17,7 +17,7 @@ from motiongen.diffusion.mdm import Mdm
 from motiongen.diffusion.weights import FOLDER, WeightsError, load_weights
 from motiongen.features import FPS, HEIGHT, features_to_motion, motion_to_features
 from motiongen.generator import PromptError
-from motiongen.live.chunk import TAIL, after
+from motiongen.live.chunk import HAND_OVER, TAIL, after, handed_over
 from motiongen.live.clips import LiveClips
 from motiongen.live.generator import PAST_S, LiveGenerator
 from motiongen.live.steering import HANDS, HANDS_GIVEN, REACH_S, ROOT, ROOT_GIVEN, STROLL, Area, Steer, signals
@@ -250,3 +250,16 @@ def test_clips_are_as_long_as_asked_and_the_same_for_the_same_seed(path: Path) -
     assert clips.generate(strange, seconds=1.0).labels[0].text == strange
     guided = clips.generate("nod", seconds=3.0, seed=1, guidance=5.0)
     assert not np.allclose(guided.joint_quat, one.joint_quat, atol=1e-3)
+
+
+def test_chunk_begins_where_the_past_leads_and_ends_as_drawn() -> None:
+    rng = np.random.default_rng(0)
+    past, drawn = rng.standard_normal((4, 140)), 1.0 + rng.standard_normal((30, 140))
+    made = handed_over(past, drawn)
+    rate = (past[-1] - past[-2] + drawn[1] - drawn[0]) / 2
+    assert made[0, :136] == pytest.approx((past[-1] + rate)[:136])
+    assert np.array_equal(made[HAND_OVER:], drawn[HAND_OVER:])
+    assert np.array_equal(made[:, 136:], drawn[:, 136:])
+    assert np.array_equal(handed_over(past[:1], drawn), drawn)
+    line = np.arange(34.0)[:, None] * np.ones(140)
+    assert handed_over(line[:4], line[4:]) == pytest.approx(line[4:])  # what goes on evenly stays as it is

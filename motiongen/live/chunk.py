@@ -22,6 +22,7 @@ from motiongen.rotation import quat_continuous, quat_mul, quat_rotate, yaw_quat
 
 KEPT = 60  # frames of the past: more than any network's history
 SEEN = 4  # of them, that smoothing looks at
+HAND_OVER = 8  # frames in which a chunk comes from where the past leads to what was drawn
 TAIL = 6  # frames at a chunk's end that are drawn for what comes before them, and drawn again
 SAMPLER = "dpm-solver-2m"
 
@@ -79,7 +80,7 @@ def next_chunk(
 ) -> Chunk:
     """What follows `state` under the one text of `said` and `steering` (H + C, 12), the same for the same arguments.
 
-    Smoothed over five frames, and the slip of planted feet taken off the root's path. Raises FloatingPointError where
+    Handed over to, smoothed over five frames, and the slip of planted feet taken off the root's path. Raises FloatingPointError where
     the network gives numbers that are not finite.
     """
     history = int(model.sizes["history"])
@@ -89,7 +90,7 @@ def next_chunk(
     if not np.isfinite(features).all():
         raise FloatingPointError(f"the chunk of frame {state.frame} is not finite")
     known = len(past)
-    features = smoothed_over_five(np.concatenate([past, features]).astype(float))
+    features = smoothed_over_five(np.concatenate([past, handed_over(past, features)]).astype(float))
     features[:known] = past
     features[:, PLANAR] -= _slip(features, skeleton, known)
     features = features[known : known + model.window - history - TAIL].astype(np.float32)
@@ -118,6 +119,18 @@ def _drawn(model: Weights, state: State, said: Said, steering: Floats, how: Draw
     schedule = SCHEDULES[model.schedule]
     denoise = guided(cast(Denoiser, predict), how.guidance)
     return cast(Floats, SAMPLERS[SAMPLER](denoise, lambda: noise, schedule, _times(model.schedule, how.passes))[0])
+
+
+def handed_over(past: Floats, features: Floats) -> Floats:
+    """`features` (C, 140) that begin where the last two frames of the `past` (n, 140) lead; what they are off there
+    dies away by a cubic within `HAND_OVER` frames. As they are where there is no past; contacts always are."""
+    if len(past) < 2:
+        return features
+    rate = (past[-1] - past[-2] + features[1] - features[0]) / 2
+    off = past[-1] + rate - features[0]
+    off[CONTACTS] = 0.0
+    u = np.minimum(np.arange(len(features)) / HAND_OVER, 1.0)[:, None]
+    return features + (off * (1 - 3 * u**2 + 2 * u**3)).astype(features.dtype)
 
 
 @cache
