@@ -80,8 +80,8 @@ def next_chunk(
 ) -> Chunk:
     """What follows `state` under the one text of `said` and `steering` (H + C, 12), the same for the same arguments.
 
-    Handed over to, smoothed over five frames, and the slip of planted feet taken off the root's path. Raises FloatingPointError where
-    the network gives numbers that are not finite.
+    It begins where the history leads, is smoothed over five frames, and the slip of planted feet is taken off the
+    root's path. Raises FloatingPointError where the network gives numbers that are not finite.
     """
     history = int(model.sizes["history"])
     x = _drawn(model, state, said, steering, how, seed)
