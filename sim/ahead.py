@@ -3,25 +3,26 @@ each together with a way to rest from its end. What has passed can be played: it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from retarget.rig import Mount, Rig
 from retarget.timeline import PEAK, SHORTEST_EASE
 from retarget.trajectory import Trajectory
-from sim.commanded import COMMANDED
-from sim.evidence import Evidence
-from sim.geometry import measure
-from sim.physical import PHYSICAL
+from sim.checks import CHECKS
+from sim.drives import servo_heat
+from sim.electric import ROOM, heat, temperature
+from sim.evidence import Evidence, not_here, verdict
+from sim.geometry import Geometry, measure
 from sim.report import Check
-from sim.scene import TIMESTEP, build_scene
-from sim.simulate import SETTLE, Rollout, Servos, breakdown_in, quiet
+from sim.scene import build_scene
+from sim.simulate import run_on, settled
 
 Array = NDArray[np.float64]
-STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+Pairs = frozenset[tuple[str, str]]
+SEEN = 3  # frames before a stretch that are run with it, so that its first ones have speeds and jerks too
 HELD = 0.2  # s at rest at the end of a way
 BRAKE = 0.3  # s in which a way takes off the speed there is
 CALM = 0.9  # of a joint's speed that a way uses
@@ -30,11 +31,16 @@ LONGEST = 5.0  # s of a way; the gate refuses what is still too fast then
 
 @dataclass(frozen=True)
 class Moment:
-    """Where things are after a frame: `physics`, MuJoCo's state; `asked` (2, 7 + nj), the last two frames that the
-    servos were sent."""
+    """Where things are once the servos have done `asked` (SEEN, 7 + nj), the last frames that they were sent.
+
+    `physics`: MuJoCo's state before those. `warm` (servos,): °C. `near`: parts that have been less than a finger apart
+    all the time.
+    """
 
     physics: Array
     asked: Array
+    warm: Array
+    near: Pairs
 
 
 @dataclass(frozen=True)
@@ -62,71 +68,69 @@ class Gate:
             raise ValueError(f"live motion is for rigs on a stand, not {held}; --mount stand")
         self._rig, self._rest, self._fps = rig, rest, fps
         self._scene = build_scene(rig, held, rest)
-        self._data = mujoco.MjData(self._scene.model)
-        self._servos = Servos(self._scene, self._data)
-        self._steps = round(1 / fps / TIMESTEP)
         self._speed = np.array([j.velocity for j in rig.joints])
         self._reach = np.array([[j.lower for j in rig.joints], [j.upper for j in rig.joints]])
 
     def begin(self) -> Moment:
-        """At rest, with the servos settled."""
-        self._scene.place(self._data, self._rest)
-        self._servos.aim(self._rest[7:])
-        with quiet():
-            for _ in range(round(SETTLE / TIMESTEP)):
-                self._servos.step()
-        return Moment(self._kept(), np.stack([self._rest, self._rest]))
+        """At rest, with the servos settled and as warm as the room."""
+        near = frozenset(measure(self._scene, self._rest[None]).gaps)
+        cool = np.full(len(self._rig.servos), ROOM)
+        return Moment(settled(self._scene, self._rest), np.tile(self._rest, (SEEN, 1)), cool, near)
 
     def judge(self, moment: Moment, qpos: Array) -> Verdict:
-        """What physics says of `qpos` (n, 7 + nj) after `moment`, n above 0, and of going to rest from there."""
-        asked = np.concatenate([moment.asked, qpos])[-2:]
-        way = way_to_rest(asked, self._rest, self._speed, self._reach, self._fps)
-        trajectory = Trajectory(np.concatenate([qpos, way]), self._fps, self._rig.name, self._rig.joint_names())
-        rollout, physics = self._run(moment, trajectory, len(qpos))
-        scene = self._scene
-        asked_at, done = measure(scene, trajectory.qpos), measure(scene, rollout.qpos)
-        evidence = Evidence(trajectory, self._rig, scene.mount, rollout, asked_at, done)
-        failures = tuple(c for c in (check(evidence) for check in (*COMMANDED, *PHYSICAL)) if not c.ok)
-        rested = Moment(self._kept(), trajectory.qpos[-2:])
-        return Verdict(not failures, failures, Moment(physics, asked), way, rested)
+        """What physics says of `qpos` (n, 7 + nj) after `moment`, n above 0, and of going to rest from there.
 
-    def _run(self, moment: Moment, trajectory: Trajectory, keep: int) -> tuple[Rollout, Array]:
-        """What physics makes of `trajectory` after `moment`, and its state after the first `keep` frames."""
-        frames, joints = len(trajectory), len(self._rig.joints)
-        data, servos = self._data, self._servos
-        data.warning.number[:] = 0
-        mujoco.mj_setState(self._scene.model, data, moment.physics, STATE)
-        qpos, torque, saturated = np.empty((frames, 7 + joints)), np.zeros((frames, joints)), np.zeros((frames, joints))
-        physics, breakdown = moment.physics, None
-        with quiet():
-            for k in range(frames):
-                servos.aim(trajectory.joint_pos[k])
-                saturated[k] = sum(servos.step() for _ in range(self._steps)) / self._steps
-                breakdown = breakdown_in(self._scene.model, data, (k + 1) / self._fps)
-                if breakdown is not None:
-                    qpos[k:] = qpos[k - 1] if k else moment.asked[-1]
-                    break
-                qpos[k], torque[k] = self._scene.read(data), servos.force
-                if k == keep - 1:
-                    physics = self._kept()
-        rollout = Rollout(
-            rig=self._rig.name,
-            mount=self._scene.mount,
-            fps=self._fps,
-            time=np.arange(1, frames + 1) / self._fps + self._rig.sensors.delay,
-            qpos=qpos,
-            torque=torque,
-            saturated=saturated,
-            harness=np.zeros((frames, 3)),
-            weight=self._scene.weight,
-            breakdown=breakdown,
+        The checks are those of a whole trajectory, but that servos are as warm as all that was done before has left
+        them, and a gap that was ever open can close on a finger.
+        """
+        rig, count = self._rig, len(qpos)
+        way = way_to_rest(np.concatenate([moment.asked, qpos])[-2:], self._rest, self._speed, self._reach, self._fps)
+        rows = np.concatenate([moment.asked, qpos, way])
+        trajectory = Trajectory(rows, self._fps, rig.name, rig.joint_names())
+        rollout, states = run_on(self._scene, trajectory, moment.physics)
+        asked, done = measure(self._scene, rows), _opened(measure(self._scene, rollout.qpos), moment.near)
+        evidence = Evidence(trajectory, self._scene, rollout, asked, done, None)
+        watts = heat(rig, rollout)[SEEN:]
+        after = Moment(
+            states[count - 1],
+            rows[count : count + SEEN],
+            self._warmed(moment.warm, watts[:count]),
+            _still_near(done, moment.near, SEEN + count),
         )
-        return rollout, physics
+        rested = Moment(
+            states[-1 - SEEN], rows[-SEEN:], self._warmed(after.warm, watts[count:]), _still_near(done, after.near)
+        )
+        checks = [check(evidence) for check in CHECKS if check is not servo_heat]
+        checks.append(_heat(evidence, np.maximum(after.warm, rested.warm)))
+        failures = tuple(c for c in checks if not c.ok)
+        return Verdict(not failures, failures, after, way, rested)
 
-    def _kept(self) -> Array:
-        out = np.empty(mujoco.mj_stateSize(self._scene.model, STATE))
-        mujoco.mj_getState(self._scene.model, self._data, out, STATE)
-        return out
+    def _warmed(self, warm: Array, watts: Array) -> Array:
+        """°C of the servos that were `warm` once they have turned `watts` (T, servos) into heat."""
+        seconds = len(watts) / self._fps
+        servos = zip(self._rig.servos, watts.mean(0), warm, strict=True)
+        return np.array([temperature(servo.model, mean, seconds, begun) for servo, mean, begun in servos])
+
+
+def _opened(done: Geometry, near: Pairs) -> Geometry:
+    """`done`, whose first frame was judged before, with all gaps open in it but the `near` ones."""
+    gaps = {pair: gap if pair in near else np.append(np.inf, gap[1:]) for pair, gap in done.gaps.items()}
+    return replace(done, gaps=gaps)
+
+
+def _still_near(done: Geometry, near: Pairs, frames: int | None = None) -> Pairs:
+    """Those of the `near` parts that are so in the first `frames` too; by default in all."""
+    return frozenset(p for p in near if p in done.gaps and np.isfinite(done.gaps[p][:frames]).all())
+
+
+def _heat(e: Evidence, warm: Array) -> Check:
+    """The warmest servo as a share of the rise that it is allowed; see `sim.drives.servo_heat`."""
+    if not e.rig.servos:
+        return not_here(e, "servo_heat", "with a rig that names no servos")
+    share = (warm - ROOM) / (np.array([s.max_temperature for s in e.rig.servos]) - ROOM)
+    worst = int(np.argmax(share))
+    found = f"The servo of {e.rig.servos[worst].joint} gets {warm[worst]:.0f} °C warm"
+    return verdict(e, "servo_heat", share[worst], None, found, "let it rest for some minutes, or unload the limb")
 
 
 def way_to_rest(asked: Array, rest: Array, speed: Array, reach: Array, fps: float) -> Array:

@@ -7,7 +7,7 @@ import pytest
 
 from retarget.rig import Rig, load_rig
 from retarget.trajectory import Trajectory
-from sim.ahead import CALM, HELD, Gate, way_to_rest
+from sim.ahead import CALM, HELD, SEEN, Gate, way_to_rest
 from sim.scene import build_scene
 from sim.simulate import run
 
@@ -72,9 +72,9 @@ def test_stretches_one_by_one_are_the_whole(rig: Rig, rest: np.ndarray) -> None:
         Trajectory(np.concatenate([rest[None], whole]), FPS, rig.name, rig.joint_names()),
     )
     scene = build_scene(rig, "stand", rest)
-    reached = moment.physics[1 : 1 + scene.model.nq]
-    assert np.abs(reached - rollout.qpos[-1, 7:]).max() < 2e-3
-    assert np.array_equal(moment.asked, whole[-2:])
+    reached = scene.rows(moment.physics[None, 1 : 1 + scene.model.nq])[0]
+    assert np.abs(reached - rollout.qpos[-1 - SEEN])[7:].max() < 2e-3
+    assert np.array_equal(moment.asked, whole[-SEEN:])
 
 
 def test_too_fast_is_refused_and_changes_nothing(rig: Rig, rest: np.ndarray) -> None:
