@@ -186,8 +186,9 @@ def offline(weights: Path, quick: bool, found: Found) -> None:
     """Beside it, MDM as published: 50 passes of the paper's sizes over one clip, untrained, which takes as long."""
     import torch
 
-    from motiongen.diffusion.configs import CONFIGS, MdmConfig
+    from motiongen.diffusion.configs import MdmConfig
     from motiongen.diffusion.mdm import Mdm
+    from motiongen.diffusion.named_configs import CONFIGS
 
     sizes = MdmConfig(**asdict(CONFIGS["mdm-paper"].model))
     torch.set_num_threads(1)

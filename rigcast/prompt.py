@@ -16,7 +16,8 @@ from drivers.endpoint import DEFAULT, endpoints
 from drivers.frame import Frame, State
 from drivers.keys import Keys, keys_for
 from drivers.messages import Hello
-from drivers.publisher import CLOSING_FRAMES, TOO_LATE_NS, Publisher, hello_for, require_free
+from drivers.publisher import TOO_LATE_NS, Publisher, require_free
+from drivers.samples import CLOSING_FRAMES, hello_for
 from drivers.signals import caught_signals
 from motiongen.diffusion.weights import weights_path
 from motiongen.generator import PromptError, check_prompt

@@ -15,11 +15,12 @@ from motiongen.data.dataset import Dataset
 from motiongen.data.texts import data_texts
 from motiongen.diffusion import lengths
 from motiongen.diffusion.batches import scale_of
-from motiongen.diffusion.configs import CONFIGS, LiveConfig, MdmConfig, TrainConfig, require_sound
+from motiongen.diffusion.configs import LiveConfig, MdmConfig, TrainConfig, require_sound
 from motiongen.diffusion.export import export
+from motiongen.diffusion.lessons import build as build_network
+from motiongen.diffusion.named_configs import CONFIGS
 from motiongen.diffusion.processes import Team
 from motiongen.diffusion.train import Log, Watch, train
-from motiongen.diffusion.train import build as build_network
 from motiongen.features import CONTACTS, FPS, motion_to_features
 from motiongen.live import joined
 from motiongen.live.generator import LiveGenerator
