@@ -134,8 +134,8 @@ def _median_ms(run: Callable[[], object], repeats: int) -> float:
 def whole_line(weights: Path, quick: bool, found: Found) -> None:
     """Generate, retarget and gate without waiting: seconds of motion a second, and the split."""
     from retarget.rig import load_rig
-    from rigcast.live import FPS as WIRE
-    from rigcast.live import Line as Live
+    from rigcast.service.line import FPS as WIRE
+    from rigcast.service.line import Line as Live
 
     line = Live(LiveGenerator(weights), load_rig(RIG))
     line.make()

@@ -22,7 +22,7 @@ HANDS = ((0.35, -0.25, 1.3), (0.25, -0.35, 1.5), (0.30, -0.10, 1.1))
 
 
 def steered(weights: Path, seeds: int) -> dict[str, dict[str, float]]:
-    """Mean error of heading in degrees, speed in m/s, place beside a path in m, and a wrist in m; by way of steering."""
+    """Mean error of heading in degrees, speed in m/s, place beside a path and a wrist in m; by way of steering."""
     out = {}
     for way in ("heard", "overwritten", "not told"):
         live = LiveGenerator(weights)

@@ -26,8 +26,8 @@ from motiongen.motion import Source
 from retarget.rig import Mount, Rig
 from retarget.trajectory import Trajectory
 from rigcast.delivery import Delivery
-from rigcast.live import FPS, Block, Line
-from rigcast.playlist import Playlist, Row
+from rigcast.service.line import FPS, Block, Line
+from rigcast.service.playlist import Playlist, Row
 from sim.checks import report_id
 
 NS = 1_000_000_000

@@ -59,9 +59,10 @@ def serve(
     from drivers.publisher import MOST_HZ, Publisher, require_free
     from drivers.samples import hello_for
     from drivers.signals import caught_signals
+    from rigcast.service.desk import Settings
     from rigcast.service.figures import figures
     from rigcast.service.making import Setup
-    from rigcast.service.service import Service, Settings, run
+    from rigcast.service.service import Service, run
     from rigcast.service.workshop import Workshop
 
     if not 1 <= rate <= MOST_HZ:

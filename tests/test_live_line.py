@@ -13,9 +13,9 @@ from motiongen.generator import Familiarity, check_prompt, load_generator
 from motiongen.motion import Label, Motion, cut
 from retarget.rig import Rig, load_rig
 from rigcast.__main__ import main
-from rigcast.live import BLOCK, FPS, LEAD_S, Line
-from rigcast.playlist import Playlist, Row
 from rigcast.prompt import REST, Maker
+from rigcast.service.line import BLOCK, FPS, LEAD_S, Line
+from rigcast.service.playlist import Playlist, Row
 from sim import thresholds
 
 CHUNK = 30
