@@ -123,22 +123,32 @@ def load_generator(name: str = "mdm") -> Generator:
         from motiongen.gestures.generator import GestureGenerator
 
         return GestureGenerator()
-    if name == "live":
-        from motiongen.live.clips import LiveClips
-
-        return LiveClips()
     path = Path(name)
     if path.suffix != WEIGHTS_SUFFIX and name not in list_generators():
         raise PromptError(
             f"no generator {name!r}; there are {', '.join(list_generators())}, or a {WEIGHTS_SUFFIX} file"
         )
-    from motiongen.diffusion.weights import FOLDER, network_of
+    from motiongen.diffusion.weights import FOLDER, goes_on, network_of
 
     file = path if path.suffix == WEIGHTS_SUFFIX else FOLDER / f"{name}{WEIGHTS_SUFFIX}"
     if network_of(file) == "diffusionphase":
         from motiongen.phase.generator import PhaseGenerator
 
         return PhaseGenerator(file)
+    if goes_on(file):
+        from motiongen.live.clips import LiveClips
+
+        return LiveClips(file)
     from motiongen.diffusion.generator import DiffusionGenerator
 
     return DiffusionGenerator(file)
+
+
+def is_live(name: str) -> bool:
+    """Whether the generator `name`, or in the file `name`, goes on from what was done last; raises WeightsError for a
+    file that is none."""
+    if Path(name).suffix != WEIGHTS_SUFFIX:
+        return name == "live"
+    from motiongen.diffusion.weights import goes_on
+
+    return goes_on(Path(name))

@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 from motiongen.candidates import DEFAULT_CANDIDATES, choose
 from motiongen.generator import Generator, PromptError, check_prompt, check_seconds, load_generator, require_control
 from motiongen.motion import Motion
-from retarget.rig import Mount, load_rig
+from retarget.rig import Mount, Rig, load_rig
 from retarget.shown import cannot_show
 from rigcast import show
 from rigcast.delivery import Delivery, deliver, require
@@ -36,6 +36,7 @@ def say(
     candidates: int = DEFAULT_CANDIDATES,
     strict: bool = False,
     live: bool = False,
+    floor: Annotated[float | None, arg(metavar="METRES")] = None,
     delivery: Annotated[Delivery, arg(name="")] = Delivery(),  # noqa: B008
 ) -> int:
     """Generate a motion for TEXT, retarget it, check it in physics, then write, stream or show it.
@@ -55,13 +56,13 @@ def say(
         candidates: Motions drawn at most for a text, of which the one is kept that does what can be measured of it.
         strict: Exit 1 where a text is far from everything that the generator was trained on.
         live: Stream without end, and do what is typed, line by line, at once; see docs/live.md.
+        floor: With --live, how far from where it begins it may walk in each direction.
     """
     if live:
-        from rigcast.prompt import prompt
-
         _require_plain(timeline, action, unconditioned, seconds)
-        name = "live" if generator == "mdm" else generator
-        return prompt(load_rig(rig, model), mount, delivery, text=text, generator=name, seed=seed)
+        return _live(text, load_rig(rig, model), mount, seed, generator, floor, delivery)
+    if floor is not None:
+        raise PromptError("--floor goes with --live")
     times = Times()
     texts = _texts(text, timeline, action, unconditioned, seconds)
     require(delivery, has_motion=True)
@@ -82,6 +83,18 @@ def say(
     from rigcast.pipeline import take
 
     return deliver(take(motion, body, mount, times, fix=delivery.fix), delivery, times, said)
+
+
+def _live(
+    text: str | None, rig: Rig, mount: Mount | None, seed: int, generator: str, floor: float | None, delivery: Delivery
+) -> int:
+    from drivers.endpoint import DEFAULT
+    from rigcast.live import NAME, Stage
+    from rigcast.prompt import prompt
+
+    name = NAME if generator == "mdm" else generator
+    stage = Stage(rig, mount, name, seed, floor, delivery.publish or DEFAULT, delivery.insecure)
+    return prompt(stage, delivery, text)
 
 
 def _require_plain(timeline: Path | None, action: str | None, unconditioned: bool, seconds: float | None) -> None:

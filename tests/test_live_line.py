@@ -2,55 +2,18 @@
 
 from __future__ import annotations
 
-import queue
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from scripted_live import Scripted
 
-from motiongen.generator import Familiarity, check_prompt, load_generator
-from motiongen.motion import Label, Motion, cut
+from motiongen.motion import cut
 from retarget.rig import Rig, load_rig
-from rigcast.__main__ import main
-from rigcast.prompt import REST, Maker
 from rigcast.service.line import BLOCK, FPS, LEAD_S, Line
 from rigcast.service.playlist import Playlist, Row
 from sim import thresholds
-
-CHUNK = 30
-
-
-class Scripted:
-    """The part of `LiveGenerator` that a line uses: `texts` tells what is shown from which frame on."""
-
-    def __init__(self) -> None:
-        gestures = load_generator("gestures")
-        self._motions = {t: gestures.generate(t, seconds=8.0) for t in ("stand idle", "raise the right hand")}
-        self.skeleton = self._motions["stand idle"].skeleton
-        self.frame, self.texts = 0, {0: "stand idle"}
-
-    def next_chunk(self) -> Motion:
-        since = max(f for f in self.texts if f <= self.frame)
-        text, whole = self.texts[since], self._motions[self.texts[since]]
-        rows = np.minimum(np.arange(CHUNK) + self.frame - since, len(whole) - 1)
-        self.frame += CHUNK
-        label = Label(0.0, (CHUNK - 1) / whole.fps, text)
-        root, quat = whole.root_pos[rows], whole.joint_quat[rows]
-        return replace(whole, root_pos=root, joint_quat=quat, contacts=None, labels=(label,))
-
-    def familiarity(self, text: str) -> Familiarity:
-        return Familiarity(check_prompt(text) in self._motions, 0.0, ("wave",))
-
-    def say(self, text: str, at_frame: int, *, seconds: float | None = None) -> Familiarity:
-        found = self.familiarity(text)
-        if found.known:
-            self.texts = {f: t for f, t in self.texts.items() if f < at_frame} | {at_frame: text}
-            self.frame = at_frame
-        return found
-
-    def idle(self, at_frame: int) -> None:
-        self.say("stand idle", at_frame)
 
 
 @pytest.fixture(scope="module")
@@ -160,51 +123,3 @@ def test_playlist_takes_back_what_was_not_played() -> None:
         assert playhead == 1
         playlist.cut(4, tuple(rows(1, "near")))
     assert [p[0].text for p in (playlist.play() for _ in range(4)) if p] == ["a", "a", "a", "near"]
-
-
-def test_what_is_typed_is_obeyed_or_answered_in_a_line(rig: Rig) -> None:
-    line, playlist, told = opened(rig), Playlist(), queue.SimpleQueue[str]()
-    maker = Maker(line, playlist, told.put)
-    for text in ("sing", "wave " * 1000, "raise the right hand", REST, None):
-        maker.said.put(text)
-    maker.start()
-    maker.join(300.0)
-    assert maker.failed is None
-    assert maker.over.is_set()
-    assert told.get(timeout=1) == "'sing' is far from what is known; nearest: wave; it goes on as it was"
-    assert told.get(timeout=1) == "the text has 4999 characters; at most 1000 are taken"
-    assert told.empty()
-    last = None
-    while not playlist.done:
-        last = playlist.play()
-    assert last is not None
-    assert np.allclose(last[0].qpos, line.rest_pose)
-
-
-def test_failure_plays_the_way_to_rest_and_is_told(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    line, playlist = opened(rig), Playlist()
-    maker = Maker(line, playlist, lambda text: None)
-    chunks = line.generator.next_chunk
-    drawn = iter([chunks(), chunks()])
-    monkeypatch.setattr(line.generator, "next_chunk", lambda: next(drawn))  # then StopIteration
-    maker.start()
-    last = None
-    while not (maker.over.is_set() and playlist.done):
-        last = playlist.play() or last
-    maker.join(300.0)
-    assert isinstance(maker.failed, StopIteration)
-    assert last is not None
-    assert np.allclose(last[0].qpos, line.rest_pose)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        (["--out", "x.npz"], "--live streams at 50 Hz what has passed, and nothing else"),
-        (["--seconds", "3"], "--live follows what is typed"),
-        (["--generator", "mdm-paper"], "no such weights file"),
-    ],
-)
-def test_live_with_other_wishes_is_refused(given: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["say", "--live", *given]) == 2
-    assert message in " ".join(capsys.readouterr().err.split())

@@ -25,7 +25,8 @@ from rigcast.service.desk import Settings
 from rigcast.service.lease import Lease
 from rigcast.service.making import Cut, Made, Make, Setup
 from rigcast.service.player import IDLE, part_of
-from rigcast.service.service import Service, run
+from rigcast.service.running import run
+from rigcast.service.service import Service
 from rigcast.service.workshop import Workshop
 
 RIG = small_rig()

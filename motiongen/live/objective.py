@@ -56,8 +56,10 @@ def load_live_share(windows: Windows, texts: Texts, config: TrainConfig, team: T
     rolled = np.flatnonzero(drawn.unbroken & (chance < live.rollouts)) if step >= live.truth else np.zeros(0, int)
     before = None
     if len(rolled):
-        said = texts.batch([drawn.before[i] for i in rolled])
-        before = tuple(torch.from_numpy(y).to(team.device) for y in said)
+        heard, mask, meant = (
+            torch.from_numpy(y).to(team.device) for y in texts.batch([drawn.before[i] for i in rolled])
+        )
+        before = heard, mask, meant
     x, frames, words, word_mask, sentence, rows, whole = (
         torch.from_numpy(y).to(team.device)
         for y in (drawn.x, drawn.frames, *texts.batch(drawn.captions), rolled, drawn.whole)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 from drivers.clock import Ticker
 from drivers.control import Answer, Look, Rest, RigStatus, Say, Status
@@ -83,12 +84,12 @@ class Desk:
 
     def status(self, id: str, playing: Order | None, left_s: float) -> Status:
         """How things stand while `playing` is shown for `left_s` more seconds."""
-        now, at_work = self._clock.now_ns(), "playing" if playing else "idle"
+        now = self._clock.now_ns()
         return Status(
             id=id,
             rig=self._rig,
             generator=self._settings.generator,
-            mode="stopped" if self._publisher.stopped else "resting" if self.unwell else at_work,
+            mode=self._mode(playing is not None),
             reason=self.unwell,
             playing=playing.say.text if playing else "",
             left_s=left_s if playing else 0.0,
@@ -107,3 +108,10 @@ class Desk:
                 for member in self._publisher.roster
             ),
         )
+
+    def _mode(self, playing: bool) -> Literal["idle", "playing", "resting", "stopped"]:
+        if self._publisher.stopped:
+            return "stopped"
+        if self.unwell:
+            return "resting"
+        return "playing" if playing else "idle"

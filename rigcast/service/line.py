@@ -8,7 +8,7 @@ again from there.
 from __future__ import annotations
 
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -62,7 +62,7 @@ class _Point:
 class Work:
     """Seconds that each stage took, blocks that the gate refused, and why the last one was."""
 
-    seconds: Counter[str] = field(default_factory=Counter)
+    seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     refused: int = 0
     why: str = ""
 
@@ -179,10 +179,11 @@ class Line:
         return progress, streamed.qpos
 
     def take_way(self) -> Block:
-        """The way to rest from the end of all that was made; what is made next begins behind it."""
+        """The way to rest from the end of all that was made; behind it the rig idles, and is steered no more."""
         point = self._points[-1]
         way = point.way if len(point.way) else self._stream.nominal[None]
         self.generator.idle(point.drawn)
+        self.generator.steer(Steer(), point.drawn)
         self._pending = None
         block = Block(point.frame, way, self.way_id if self.blocks else self._id(way), "rest")
         after = _Point(point.frame + len(way), point.drawn, self._opened, point.rested, way[:0], point.rested)

@@ -43,6 +43,12 @@ class Playlist:
         with self._changed:
             return not self._rows and not self._way
 
+    @property
+    def playhead(self) -> int:
+        """The number of the next row to be played."""
+        with self._changed:
+            return self._next
+
     @contextmanager
     def held(self) -> Iterator[int]:
         """The number of the next row to be played, which stays that within the context: no longer than a frame."""

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import secrets
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 from drivers.clock import Ticker
 from drivers.control import Rest, Say, Status, Told
@@ -27,7 +25,6 @@ NS = 1_000_000_000
 LATE_NS = 1_000_000
 AHEAD = 2  # passed motions that wait to be played; more of them would only be older
 LEAD_S = (0.4, 4.0)  # how far ahead a motion is cut: as long as the gate needs, by the last time
-LEAVE_S = 8.0
 NOT_WORTH_S = 1.5  # a motion that ends within so long is not cut short: that takes as long
 
 
@@ -199,36 +196,6 @@ class Service:
         shorter = part_of(of.number, Path(made.path), made.report_id, self._settings.rate_hz)
         self.counts["cuts"] += self._player.give_way(shorter, of, at_s)
         Path(made.path).unlink(missing_ok=True)
-
-
-class Streaming(Protocol):
-    """What `run` runs."""
-
-    @property
-    def over(self) -> bool: ...
-
-    def cycle(self) -> None: ...
-
-    def leave(self, why: str) -> None: ...
-
-    def finish(self) -> None: ...
-
-
-def run(service: Streaming, caught: Callable[[], int], each_second: Callable[[], None], clock: Ticker) -> None:
-    """Go on until a signal was caught; then lead back to rest, for `LEAVE_S` at most or until a second signal."""
-    next_ns = end_ns = 0
-    while not service.over and caught() < 2:
-        service.cycle()
-        now = clock.now_ns()
-        if now >= next_ns:
-            next_ns = now + NS
-            each_second()
-        if caught() and not end_ns:
-            end_ns = now + int(LEAVE_S * NS)
-            service.leave("the service is ending")
-        if end_ns and now > end_ns:
-            break
-    service.finish()
 
 
 def idle_part(made: Made, rate_hz: float) -> Part:
