@@ -28,6 +28,7 @@ from sim.checks import report_id
 FPS = 50.0  # frames a second on the wire
 BLOCK = 6  # frames of human motion: 0.2 s, after each of which something else can begin
 LOOK_AHEAD_S = 0.1  # that retargeting sees of what comes
+EACH = 2  # frames that go out of each solution: half the work, and no joint is anywhere else by more than 0.05 rad
 LEAD_S = 0.2  # at least, from what is said to the first frame that it can change: what making a block takes
 LEAD_SHARE = 1.5  # times what the first block after the last change took
 PAST_S = 2.0  # of played frames that are remembered
@@ -85,7 +86,7 @@ class Line:
         self.mount: Mount = rig.mount if mount is None else mount
         self._clock = clock
         stream, progress = open_stream(
-            rig, generator.skeleton, 30.0, mount=self.mount, fps=FPS, look_ahead=LOOK_AHEAD_S
+            rig, generator.skeleton, 30.0, mount=self.mount, fps=FPS, look_ahead=LOOK_AHEAD_S, each=EACH
         )
         self._stream, self._opened = stream, progress
         self._gate = Gate(rig, stream.nominal, FPS, self.mount)
