@@ -1,8 +1,8 @@
 """Retargeting while the motion is still coming: frames in, frames out, a fixed look ahead later.
 
 Each frame is solved with the few after it that are known, from the two before it, which stay; so is the next, and only
-the first of them, or as many as the stream was opened for, go out. Everything that is remembered is in a `Progress`, and nothing depends on how the motion is
-cut into blocks.
+the first of them goes out, or as many as the stream was opened for. Everything that is remembered is in a `Progress`,
+and nothing depends on how the motion is cut into blocks.
 """
 
 from __future__ import annotations
@@ -106,9 +106,10 @@ def open_stream(
 
     It starts in the nominal pose, over the origin and facing +x, and goes over to the motion in LEAD s. A frame goes
     out `look_ahead` s after it came in, and as many more as it waits for the next one of the motion. `floor`: height of
-    the floor in the motion's world, in metres. With `each` above 1, that many frames go out of each solution, which costs
-    so much less, and takes that many frames longer. The rest is as in `retarget`, but for easing out, since nobody knows
-    when it ends. Raises RigError and ValueError as that does, and ValueError where `look_ahead` is below 0.
+    the floor in the motion's world, in metres. With `each` above 1, that many frames go out of each solution: it costs
+    as much less, and the first of them waits for the last. The rest is as in `retarget`, but for easing out, since
+    nobody knows when it ends. Raises RigError and ValueError as that does, and ValueError where `look_ahead` is below
+    0 or `each` below 1.
     """
     mount = checked_mount(rig, mount)
     if not (np.isfinite(fps) and fps > 0 and np.isfinite(motion_fps) and motion_fps > 0):
@@ -177,8 +178,8 @@ def advance(stream: Stream, progress: Progress, motion: Motion) -> tuple[Progres
 
 def drained(stream: Stream, progress: Progress) -> Streamed:
     """What is still to go out where the motion has ended: its last frame is held for as long as the stream is late."""
-    last, left = progress.incoming.last, min(stream.delay, progress.incoming.sampled)
-    count = int(np.ceil(stream.delay * stream.motion_fps / stream.fps))
+    last, left = progress.incoming.last, progress.incoming.sampled - (progress.begun - len(progress.planted))
+    count = int(np.ceil((stream.delay + stream.each) * stream.motion_fps / stream.fps)) if left else 0
     if last is None or count == 0:
         return Streamed(progress.past[:0], {foot.name: np.zeros(0, bool) for foot in stream.rig.feet})
     held = last.sampled(np.zeros(count), last.fps)

@@ -36,14 +36,17 @@ def watching(folder: Path) -> Iterator[Watch]:
         return
     screen = Console(stderr=True)
     with ExitStack() as stack:
-        counted, told = _bars(stack, screen) if screen.is_terminal else ([_no_bar] * len(COUNTED), _print)
+        (encoded, joined, coded), told = (
+            _bars(stack, screen) if screen.is_terminal else ([_no_bar] * len(COUNTED), _print)
+        )
         write = _tensorboard(stack, folder / "log")
 
         def logged(log: Log) -> None:
             told(log)
             write(log)
 
-        yield Watch(lambda line: print(line, file=sys.stderr), *counted, logged, _filmed(folder / "samples"))
+        drawn = _filmed(folder / "samples")
+        yield Watch(lambda line: print(line, file=sys.stderr), encoded, joined, coded, logged, drawn)
 
 
 def _no_bar(done: int, of: int) -> None:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from motiongen.motion import Motion, cut
 from retarget.rig import Mount, Rig
 from retarget.streaming import Progress, advance, open_stream
 from retarget.trajectory import Trajectory
-from sim.ahead import Gate, Moment
+from sim.ahead import Gate, Moment, Verdict
 from sim.checks import report_id
 
 FPS = 50.0  # frames a second on the wire
@@ -57,6 +58,17 @@ class _Point:
     moment: Moment
     way: Array
     rested: Moment
+
+
+@dataclass(frozen=True)
+class _Ready:
+    """A block before the gate: `progress` and the generator's frame after it; `fresh`: a chunk was drawn for it."""
+
+    qpos: Array
+    progress: Progress
+    drawn: int
+    text: str
+    fresh: bool
 
 
 @dataclass
@@ -95,6 +107,8 @@ class Line:
         self._points = [_Point(0, generator.frame, progress, self._begun, nothing, self._begun)]
         self.blocks: list[Block] = []
         self._pending: Motion | None = None  # drawn and not yet retargeted
+        self._ready: _Ready | None = None  # the next block, before the gate
+        self._second = ThreadPoolExecutor(1, "gate")
         self._took_s = 0.0  # for the last block with a chunk of its own
 
     @property
@@ -137,47 +151,49 @@ class Line:
         return self.blocks[-1].report_id
 
     def make(self) -> Block:
-        """The next block that may be played. Where the gate refuses what was drawn, that is the way to rest."""
-        point, start, fresh = self._points[-1], self._clock(), self._pending is None
-        while True:
-            motion, text = self._drawn()
-            progress, qpos = self._retargeted(self._points[-1].progress, motion)
-            if len(qpos):
-                break
-            self._points[-1] = replace(point, progress=progress, drawn=point.drawn + len(motion))  # only looked ahead
-            point = self._points[-1]
-        began = self._clock()
-        verdict = self._gate.judge(point.moment, qpos)
-        self.work.seconds["gate"] += self._clock() - began
-        self._took_s = self._clock() - start if fresh else self._took_s
+        """The next block that may be played. Where the gate refuses what was drawn, that is the way to rest.
+
+        While the gate looks at it, the block after it is drawn and retargeted: of two cores each has its work.
+        """
+        point, start = self._points[-1], self._clock()
+        ready = self._ready or self._prepared(point.progress, point.drawn)
+        judging = self._second.submit(self._judged, point.moment, ready.qpos)
+        self._ready = self._prepared(ready.progress, ready.drawn)
+        verdict = judging.result()
+        self._took_s = self._clock() - start if ready.fresh else self._took_s
         if not verdict.ok:
             self.work.refused += 1
             self.work.why = "; ".join(check.advice for check in verdict.failures)
             return self.take_way()
-        block = Block(point.frame, qpos, self._id(np.concatenate([qpos, verdict.way])), text)
-        drawn = point.drawn + len(motion)
-        self._add(block, _Point(point.frame + len(qpos), drawn, progress, verdict.after, verdict.way, verdict.rested))
+        block = Block(point.frame, ready.qpos, self._id(np.concatenate([ready.qpos, verdict.way])), ready.text)
+        end = point.frame + len(ready.qpos)
+        self._add(block, _Point(end, ready.drawn, ready.progress, verdict.after, verdict.way, verdict.rested))
         return block
 
     def forget(self) -> None:
         """The last block was not played: the rig has taken the way to rest before it, see `take_way`."""
         self._go_back(self._points[-2])
 
-    def _drawn(self) -> tuple[Motion, str]:
-        """The next frames of human motion, at most a block of them."""
-        if self._pending is None:
+    def _prepared(self, progress: Progress, drawn: int) -> _Ready:
+        """The block after `progress`, before the gate; the generator has drawn up to frame `drawn` for it."""
+        fresh = self._pending is None and drawn == self.generator.frame
+        while True:
             began = self._clock()
-            self._pending = self.generator.next_chunk()
-            self.work.seconds["generate"] += self._clock() - began
-        motion = self._pending
-        self._pending = cut(motion, BLOCK, len(motion)) if len(motion) > BLOCK else None
-        return cut(motion, 0, min(BLOCK, len(motion))), motion.labels[0].text
+            motion = self._pending or self.generator.next_chunk()
+            self.work.seconds["generate"] += (drew := self._clock()) - began
+            self._pending = cut(motion, BLOCK, len(motion)) if len(motion) > BLOCK else None
+            now = cut(motion, 0, min(BLOCK, len(motion)))
+            progress, streamed = advance(self._stream, progress, now)
+            self.work.seconds["retarget"] += self._clock() - drew
+            drawn += len(now)
+            if len(streamed.qpos):
+                return _Ready(streamed.qpos, progress, drawn, now.labels[0].text, fresh)
 
-    def _retargeted(self, progress: Progress, motion: Motion) -> tuple[Progress, Array]:
+    def _judged(self, moment: Moment, qpos: Array) -> Verdict:
         began = self._clock()
-        progress, streamed = advance(self._stream, progress, motion)
-        self.work.seconds["retarget"] += self._clock() - began
-        return progress, streamed.qpos
+        verdict = self._gate.judge(moment, qpos)
+        self.work.seconds["gate"] += self._clock() - began
+        return verdict
 
     def take_way(self) -> Block:
         """The way to rest from the end of all that was made; behind it the rig idles, and is steered no more."""
@@ -185,7 +201,7 @@ class Line:
         way = point.way if len(point.way) else self._stream.nominal[None]
         self.generator.idle(point.drawn)
         self.generator.steer(Steer(), point.drawn)
-        self._pending = None
+        self._pending = self._ready = None
         block = Block(point.frame, way, self.way_id if self.blocks else self._id(way), "rest")
         after = _Point(point.frame + len(way), point.drawn, self._opened, point.rested, way[:0], point.rested)
         self._add(block, after)
@@ -207,7 +223,7 @@ class Line:
         while self._points[-1] is not point:
             self._points.pop()
             self.blocks.pop()
-        self._pending = None
+        self._pending = self._ready = None
 
     def _id(self, qpos: Array) -> str:
         trajectory = Trajectory(qpos, FPS, self.rig.name, self.rig.joint_names())

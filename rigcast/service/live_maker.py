@@ -78,29 +78,37 @@ class LiveMaker(threading.Thread):
             self._put(self.line.make())
 
     def _obey(self) -> None:
-        """Do all that was wished since; of several texts the last one, as those before it are over already."""
+        """Do all that was wished since; of several texts the last one that is known, as the others are over already."""
         wishes = []
         while not self.wishes.empty():
             wishes.append(self.wishes.get())
-        texts = [w for w in wishes if w is None or w.steer is None]
-        for wish in wishes:
-            if wish is None:
-                self._rest()
-                self.over.set()
-                return
+        if None in wishes:
+            self._rest()
+            self.over.set()
+            return
+        given = [w for w in wishes if w is not None]
+        done = False
+        for wish in reversed([w for w in given if w.steer is None]):
+            if done:
+                self.answers.put(Answer(wish.number, failed="something else was asked for before it began"))
+            else:
+                done = self._done(wish)
+        for wish in given:
             if wish.steer is not None:
                 self._steer(wish, wish.steer)
-            elif wish is texts[-1]:
-                self._do(wish) if wish.text else self._rest()
 
-    def _do(self, wish: Wish) -> None:
+    def _done(self, wish: Wish) -> bool:
+        """Whether that was done."""
+        if not wish.text:
+            self._rest()
+            return True
         try:
             found = self.line.generator.familiarity(wish.text)  # takes a while, which saying it again does not
             if not found.known:
                 near = ", ".join(found.nearest)
                 failed = f"{wish.text!r} is far from what is known; nearest: {near}; it goes on as it was"
                 self.answers.put(Answer(wish.number, failed=failed))
-                return
+                return False
             seconds = self.line.generator.usual_seconds(wish.text) if wish.seconds is None else wish.seconds
             with self.playlist.held() as playhead:
                 self._catch_up()
@@ -108,9 +116,10 @@ class LiveMaker(threading.Thread):
                 self.playlist.cut(self.line.frame, self._way())
         except PromptError as error:
             self.answers.put(Answer(wish.number, failed=str(error)))
-            return
+            return False
         self._current = wish.number
         self.answers.put(Answer(wish.number, self.line.frame, seconds))
+        return True
 
     def _steer(self, wish: Wish, steer: Steer) -> None:
         try:

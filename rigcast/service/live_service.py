@@ -27,6 +27,7 @@ from rigcast.service.desk import Desk, Settings
 from rigcast.service.line import FPS
 from rigcast.service.live_maker import Answer, LiveMaker, Wish
 from rigcast.service.making import Made
+from rigcast.service.orders import Order
 from rigcast.service.playlist import Row
 
 NS = 1_000_000_000
@@ -165,10 +166,9 @@ class LiveService:
             self._maker.wishes.put(Wish(0, steer=steer))
             self._tell(caller, Told(request.id, "played", "from now on"))
             return
+        order = self._orders.add(caller, request)
         if request.replace:
-            self._orders.drop(f"{caller.name} asked for {request.text[:100]!r} instead")
-            self._doing = 0
-        self._orders.add(caller, request)
+            self._ask(order)
 
     def _rest(self, why: str) -> None:
         self._orders.drop(why)
@@ -182,8 +182,11 @@ class LiveService:
             return
         if (order := self._orders.next_to_make()) is not None:
             self._doing = order.number
-            self._orders.came_to(order, "making")
-            self._maker.wishes.put(Wish(order.number, order.say.text, order.say.seconds))
+            self._ask(order)
+
+    def _ask(self, order: Order) -> None:
+        self._orders.came_to(order, "making")
+        self._maker.wishes.put(Wish(order.number, order.say.text, order.say.seconds))
 
     def _answered(self, answer: Answer) -> None:
         order = self._orders.get(answer.number)
@@ -195,6 +198,9 @@ class LiveService:
         elif answer.failed:
             self._orders.came_to(order, "rejected", answer.failed)
         else:
+            if order.say.replace:  # not before, as what is not known changes nothing
+                self._orders.drop(f"{order.caller.name} asked for {order.say.text[:100]!r} instead", keep=order)
+                self._doing = order.number
             self._spans[order.number] = answer.first, answer.first + round(answer.seconds * FPS)
             self._orders.came_to(order, "ready", made=Made(order.number, ok=True, seconds=answer.seconds))
 
