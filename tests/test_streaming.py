@@ -144,8 +144,7 @@ def test_on_a_stand_the_root_is_still() -> None:
 
 @pytest.mark.parametrize("each", [2, 3])
 def test_several_frames_of_a_solution_are_nearly_what_one_of_each_are(each: int) -> None:
-    clip = motions.wave(seconds=3)
-    rig = load_rig("puppet")
+    clip, rig = walk("puppet"), load_rig("puppet")
     found = {}
     for count in (1, each):
         stream, progress = open_stream(rig, clip.skeleton, clip.fps, mount="stand", look_ahead=0.1, each=count)
