@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import io
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from live_weights import live_weights
 from scripted_live import Scripted
+from small_rig import free_address
 from test_service import DESK, PHONE, FakePublisher
 from test_stream import FakeClock
 
 from drivers.control import Rest, Say, Told
 from drivers.frame import State
 from drivers.messages import Hello, RigState
+from motiongen.generator import is_live
 from motiongen.live.steering import Area, Steer
 from retarget.rig import Rig, load_rig
 from rigcast.__main__ import main
@@ -263,6 +268,20 @@ def test_failure_plays_the_way_to_rest_and_is_told(stage: Stage, monkeypatch: py
     stage.maker.join(60.0)
     assert isinstance(stage.maker.error, (AttributeError, TypeError))
     assert stage.shoulder()[-1] < 0.15
+
+
+def test_the_command_streams_what_is_typed_and_ends_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    weights, address = live_weights(tmp_path / "small.safetensors"), free_address()
+    assert is_live(str(weights))
+    monkeypatch.setattr("sys.stdin", io.StringIO("make me a sandwich\npath 9,0\n"))
+    assert main(["say", "--live", "--generator", str(weights), "--publish", address, "--floor", "2"]) == 0
+    told = capsys.readouterr()
+    assert int(told.out.split()[0]) > 20
+    assert f"puppet idles on {address}" in told.err
+    assert "'make me a sandwich' is far from what is known; nearest: " in told.err
+    assert "the path leaves the floor at (9, 0) m" in told.err
 
 
 @pytest.mark.parametrize(
