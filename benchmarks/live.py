@@ -2,7 +2,8 @@
 
     python benchmarks/live.py [--quick] [--json] [--gate] [--part speed|line|client|hour|steer|offline]
 
-Times are wall time on whatever else the machine does; `cores` says how many there are. Targets are for two idle cores.
+Times are wall time on whatever else the machine does, processor time where it says so; `cores` and `load` say how many
+there are and how many programs want one. Targets are for two idle cores.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def main() -> int:
     parser.add_argument("--part", choices=parts, help="one part alone")
     parser.add_argument("--weights", type=Path, default=WEIGHTS, help="of the live generator")
     options = parser.parse_args()
-    found = Found(figures={"cores": os.cpu_count(), "load": os.getloadavg()[0]})
+    found = Found(figures={"cores": os.cpu_count(), "load": round(os.getloadavg()[0], 1)})
     for name, part in parts.items():
         if options.part in (None, name):
             part(options.weights, options.quick, found)
@@ -75,11 +76,12 @@ def speed(weights: Path, quick: bool, found: Found) -> None:
     live = LiveGenerator(weights)
     live.say("walk forward")
     live.next_chunk()
-    count, first, began = (8 if quick else 40), live.frame, time.perf_counter()
+    count, first, began, busy = (8 if quick else 40), live.frame, time.perf_counter(), time.process_time()
     for _ in range(count):
         live.next_chunk()
-    took = time.perf_counter() - began
+    took, busy = time.perf_counter() - began, time.process_time() - busy
     times = (live.frame - first) / FPS / took
+    found.figures["generator_times_by_processor_time"] = round((live.frame - first) / FPS / busy, 1)
     found.lines.append(Line("generator", "times real time", times, GENERATOR, at_least=True))
     found.figures["chunk_ms"] = 1e3 * took / count
     found.figures["pass_ms"] = _ways(live, quick)
@@ -132,25 +134,36 @@ def _median_ms(run: Callable[[], object], repeats: int) -> float:
 
 
 def whole_line(weights: Path, quick: bool, found: Found) -> None:
-    """Generate, retarget and gate without waiting: seconds of motion a second, and the split."""
+    """Generate, retarget and gate without waiting: seconds of motion a second, and the split; and what the gate says of
+    all that it admitted, as one motion."""
+    import numpy as np
+
     from retarget.rig import load_rig
+    from retarget.trajectory import Trajectory
     from rigcast.service.line import FPS as WIRE
     from rigcast.service.line import Line as Live
+    from sim.checks import check
 
-    line = Live(LiveGenerator(weights), load_rig(RIG))
-    line.make()
+    rig = load_rig(RIG)
+    line = Live(LiveGenerator(weights), rig)
+    rows = [line.make().qpos]
     line.work.seconds.clear()
     prompts = ("wave with the right hand", "bow", "raise both arms", "nod")
-    first, began, seconds = line.frame, time.perf_counter(), (4 if quick else 40)
+    first, began, busy, seconds = line.frame, time.perf_counter(), time.process_time(), (4 if quick else 40)
     for i in range(seconds // 4 or 1):
         line.say(prompts[i % len(prompts)], line.frame)
         until = line.frame + 4 * WIRE
         while line.frame < until:
-            line.make()
-    took, made = time.perf_counter() - began, (line.frame - first) / WIRE
+            rows.append(line.make().qpos)
+    took, busy = time.perf_counter() - began, time.process_time() - busy
+    made = (line.frame - first) / WIRE
+    found.figures["line_processor_s_a_second"] = round(busy / made, 3)
+    report = check(Trajectory(np.concatenate(rows), WIRE, rig.name, rig.joint_names()), rig)
     found.lines.append(Line("line", "times real time, all stages", made / took, WHOLE_LINE, at_least=True))
+    found.lines.append(Line("line", "checks that all of it fails", len(report.failures()), 0, at_least=False))
     found.figures["line_s_a_second"] = {k: round(v / made, 3) for k, v in line.work.seconds.items()}
     found.figures["line_refused"] = line.work.refused
+    found.figures["line_failures"] = [failure.advice for failure in report.failures()]
 
 
 def client(weights: Path, quick: bool, found: Found) -> None:

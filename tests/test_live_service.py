@@ -209,6 +209,11 @@ def test_late_frames_lead_to_rest_and_it_goes_on(stage: Stage) -> None:
         stage.service.cycle()  # and nothing is made meanwhile
     stage.go(0.5)
     assert "too slow" in [a.detail for _, a in stage.publisher.told if isinstance(a, Told)][-1]
+    for _ in range(2):
+        for _ in range(200):
+            stage.service.cycle()
+        stage.go(0.5)
+    assert len([told for told in stage.typed_told if "too slow" in told.detail]) == 1
     stage.ask(DESK, Say("b", RAISE))
     stage.go(1.5)
     assert stage.events("b")[-1] == "playing"

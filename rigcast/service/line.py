@@ -153,12 +153,13 @@ class Line:
     def make(self) -> Block:
         """The next block that may be played. Where the gate refuses what was drawn, that is the way to rest.
 
-        While the gate looks at it, the block after it is drawn and retargeted: of two cores each has its work.
+        While the gate looks at it, the block after it is drawn and retargeted: of two cores each has its work. But not
+        after one that took long already, as somebody may wait for it.
         """
         point, start = self._points[-1], self._clock()
         ready = self._ready or self._prepared(point.progress, point.drawn)
         judging = self._second.submit(self._judged, point.moment, ready.qpos)
-        self._ready = self._prepared(ready.progress, ready.drawn)
+        self._ready = None if ready.fresh else self._prepared(ready.progress, ready.drawn)
         verdict = judging.result()
         self._took_s = self._clock() - start if ready.fresh else self._took_s
         if not verdict.ok:

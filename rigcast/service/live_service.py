@@ -61,6 +61,7 @@ class LiveService:
         self._doing = 0  # number of the order whose text is shown, or comes next
         self._spans: dict[int, tuple[int, int]] = {}  # order → its first row, and the one after its last
         self._steer = Steer()
+        self._complaint = ""  # what was told last of what nobody asked for
         self._played: tuple[Row, Row] | None = None
         self._row = 0  # number of the next row
         self._stream, self._seq, self._next_ns = publisher.hello.stream, 0, clock.now_ns()
@@ -193,8 +194,9 @@ class LiveService:
         if answer.rested:
             self._steer = Steer()
         if order is None:
-            if answer.failed:
+            if answer.failed and answer.failed != self._complaint:  # once, however often it happens again
                 self._told(Told("", "dropped", answer.failed[:1000]))
+            self._complaint = answer.failed
         elif answer.failed:
             self._orders.came_to(order, "rejected", answer.failed)
         else:
