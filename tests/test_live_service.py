@@ -116,12 +116,13 @@ def test_prompts_wait_their_turn_or_take_the_place_of_others(stage: Stage) -> No
 
 
 def test_a_prompt_every_50_ms_keeps_the_stream_going_and_the_last_one_wins(stage: Stage) -> None:
-    for i in range(20):
+    for i in range(12):
         stage.service.typed.put(RAISE if i % 2 else "stand idle")
         stage.go(0.05)
     stage.go(1.5)
     assert stage.maker.line.work.refused == 0
-    assert stage.service.outcomes["dropped"] == 19 - stage.service.outcomes["played"]
+    outcomes = stage.service.outcomes
+    assert outcomes["dropped"] + outcomes["rejected"] + outcomes["played"] == 11
     assert stage.shoulder()[-1] > 0.5
     assert not stage.typed_told or {t.event for t in stage.typed_told} <= {
         "queued",

@@ -193,16 +193,18 @@ class LiveService:
         order = self._orders.get(answer.number)
         if answer.rested:
             self._steer = Steer()
-        if order is None:
-            if answer.failed and answer.failed != self._complaint:  # once, however often it happens again
+            if order is None and answer.failed != self._complaint:  # once, however often it happens again
                 self._told(Told("", "dropped", answer.failed[:1000]))
             self._complaint = answer.failed
-        elif answer.failed:
+        if order is None:
+            return
+        if answer.failed:
             self._orders.came_to(order, "rejected", answer.failed)
         else:
             if order.say.replace:  # not before, as what is not known changes nothing
                 self._orders.drop(f"{order.caller.name} asked for {order.say.text[:100]!r} instead", keep=order)
                 self._doing = order.number
+            self._complaint = ""
             self._spans[order.number] = answer.first, answer.first + round(answer.seconds * FPS)
             self._orders.came_to(order, "ready", made=Made(order.number, ok=True, seconds=answer.seconds))
 
