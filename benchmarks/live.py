@@ -183,7 +183,7 @@ def long_run(weights: Path, quick: bool, found: Found) -> None:
     lines = (
         ("frames that are not finite", seen.not_finite, 0, False),
         ("prompts that nothing moved at", seen.still, 0, False),
-        ("distance of last to first part, times that of odd to even", seen.drift, ALIKE, False),
+        ("distance of last to first part, times that by chance", seen.drift, ALIKE, False),
         ("recognised, as a share of what the offline model reaches", seen.share, SHARE, True),
     )
     found.lines += [Line("hour", *line) for line in lines]

@@ -26,13 +26,15 @@ PROMPTS = (
 STILL = 0.3  # rad/s of a joint: less is breath
 ANSWER_S = 2.0  # in which something has to move
 TAKES = 3  # of each prompt, by the offline model
+POSES_A_MINUTE = 300  # that are looked at
+DEALS = 50  # of the minutes by chance
 KEPT = 24  # directions of the pose in which distributions are compared
 
 
 @dataclass(frozen=True)
 class Hour:
     """`not_finite` frames; prompts at which nothing moved (`still`); `drift`: Fréchet distance of poses between the
-    first sixth and the last, over that between the odd and the even minutes' halves; which prompts were recognised in
+    first sixth and the last, over what it is where chance deals their minutes; which prompts were recognised in
     their window, live and offline, and their `share`; `spread`: standard deviation of all poses."""
 
     minutes: float
@@ -65,7 +67,7 @@ def hour(weights: Path, *, minutes: float, prompts: int, seed: int = 0) -> Hour:
         still += _stillness(motion)
         asked = asked_of(text)
         right += asked is not None and holds(asked, observe(motion))
-    rows = np.concatenate(poses)[:: round(FPS / 5)]
+    rows = np.concatenate(poses)[:: round(FPS * 60 / POSES_A_MINUTE)]
     drawn = _offline(seed)
     return Hour(
         minutes,
@@ -108,13 +110,18 @@ def _stillness(motion: Motion) -> bool:
 
 
 def _drift(rows: np.ndarray) -> float:
-    """Fréchet distance of the first and the last sixth, over that of the odd minutes and the even ones."""
-    centred = rows - rows.mean(0)
-    axes = np.linalg.svd(centred, full_matrices=False)[2][:KEPT]
-    seen = centred @ axes.T
-    sixth, minute = len(seen) // 6, min(300, len(seen) // 4)
-    turn = (np.arange(len(seen)) // minute) % 2
-    return fid(seen[:sixth], seen[-sixth:]) / max(fid(seen[turn == 0], seen[turn == 1]), 1e-9)
+    """Fréchet distance of the first sixth and the last, over the median of that when their minutes are dealt to two
+    sides by chance: what it is where nothing but chance sets them apart."""
+    sixth, minute = len(rows) // 6, max(2, min(POSES_A_MINUTE, len(rows) // 24))
+    both = np.concatenate([rows[:sixth], rows[-sixth:]])
+    axes = np.linalg.svd(both - both.mean(0), full_matrices=False)[2][:KEPT]
+    seen = (both - both.mean(0)) @ axes.T
+    number = np.arange(len(seen)) // minute
+    rng, by_chance = np.random.default_rng(0), []
+    for _ in range(DEALS):
+        side = rng.permutation(number[-1] + 1) % 2
+        by_chance.append(fid(seen[side[number] == 0], seen[side[number] == 1]))
+    return fid(seen[:sixth], seen[sixth:]) / max(float(np.median(by_chance)), 1e-9)
 
 
 def _offline(seed: int) -> float:
