@@ -15,7 +15,8 @@ from parts import Part
 from phase_options import Options, halves
 
 from motiongen.data.dataset import Dataset
-from motiongen.diffusion.configs import PhaseAutoencoderConfig, named
+from motiongen.diffusion.configs import PhaseAutoencoderConfig
+from motiongen.diffusion.named_configs import named
 from motiongen.diffusion.train import train
 from motiongen.evaluation.metrics import BATCH, fid, r_precision
 from motiongen.evaluation.protocol import Clips

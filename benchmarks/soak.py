@@ -32,9 +32,10 @@ from retarget.cut import cut_short
 from retarget.files import load_trajectory, save_trajectory
 from retarget.retarget import retarget
 from retarget.rig import Rig, load_rig
+from rigcast.service.desk import Settings
 from rigcast.service.making import Cut, Job, Made
 from rigcast.service.player import IDLE, part_of
-from rigcast.service.service import Service, Settings
+from rigcast.service.service import Service
 
 RATE = 200.0
 NS = 1_000_000_000

@@ -108,6 +108,7 @@ def list_generators() -> dict[str, str]:
         "mdm": "text to motion by diffusion (MDM, decoder form), trained on motion capture and gestures",
         "motiondiffuse": "the same by another network (MotionDiffuse): efficient attention, estimates of the noise",
         "diffusionphase": "text to periodic phases by diffusion (DiffusionPhase): any length without falling off",
+        "live": "MDM that goes on from what was done last: motion without end that answers at once (say --live)",
         "gestures": "hand-written gestures found by their names: nod, clap three times, bow 30 degrees; no weights",
     }
 
@@ -127,13 +128,27 @@ def load_generator(name: str = "mdm") -> Generator:
         raise PromptError(
             f"no generator {name!r}; there are {', '.join(list_generators())}, or a {WEIGHTS_SUFFIX} file"
         )
-    from motiongen.diffusion.weights import FOLDER, network_of
+    from motiongen.diffusion.weights import FOLDER, goes_on, network_of
 
     file = path if path.suffix == WEIGHTS_SUFFIX else FOLDER / f"{name}{WEIGHTS_SUFFIX}"
     if network_of(file) == "diffusionphase":
         from motiongen.phase.generator import PhaseGenerator
 
         return PhaseGenerator(file)
+    if goes_on(file):
+        from motiongen.live.clips import LiveClips
+
+        return LiveClips(file)
     from motiongen.diffusion.generator import DiffusionGenerator
 
     return DiffusionGenerator(file)
+
+
+def is_live(name: str) -> bool:
+    """Whether the generator `name`, or in the file `name`, goes on from what was done last; raises WeightsError for a
+    file that is none."""
+    if Path(name).suffix != WEIGHTS_SUFFIX:
+        return name == "live"
+    from motiongen.diffusion.weights import goes_on
+
+    return goes_on(Path(name))

@@ -6,7 +6,9 @@ body is one cross product, taken here over whole arrays: axis × (point − anch
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -72,7 +74,7 @@ def tree_of(model: mujoco.MjModel) -> Tree:
 def poses(tree: Tree, qpos: Array) -> Poses:
     """Poses of the configurations `qpos` (T, nq); bodies meet within the margins of the model's geoms."""
     model, frames = tree.model, len(qpos)
-    data = mujoco.MjData(model)
+    data = _workspace(model, threading.get_ident())
     place, turn = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 4))
     matrix = np.empty((frames, model.nbody, 9))
     axis, anchor = np.empty((frames, model.nv, 3)), np.empty((frames, model.nv, 3))
@@ -104,6 +106,12 @@ def poses(tree: Tree, qpos: Array) -> Poses:
     axis[:, 3:ROOT_DOFS] = matrix[:, root].swapaxes(1, 2)
     anchor[:, :ROOT_DOFS] = place[:, root, None]
     return Poses(place, turn, matrix, axis, anchor, meetings)
+
+
+@lru_cache(maxsize=8)
+def _workspace(model: mujoco.MjModel, thread: int) -> mujoco.MjData:
+    """Where MuJoCo computes, for each thread one: to make it anew takes as long as the poses of many frames."""
+    return mujoco.MjData(model)
 
 
 def velocities(at: Poses, dofs: Indices, points: Array, frames: Indices | slice = slice(None)) -> Array:

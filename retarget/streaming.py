@@ -1,8 +1,8 @@
 """Retargeting while the motion is still coming: frames in, frames out, a fixed look ahead later.
 
 Each frame is solved with the few after it that are known, from the two before it, which stay; so is the next, and only
-the first of them goes out. Everything that is remembered is in a `Progress`, and nothing depends on how the motion is
-cut into blocks.
+the first of them goes out, or as many as the stream was opened for. Everything that is remembered is in a `Progress`,
+and nothing depends on how the motion is cut into blocks.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ DECAY = 0.8  # a frame, of the speed at which guessed targets go on
 class Stream:
     """What stays: the rig, its model and problem, where the stream starts (`nominal` (nq,)), the skeleton and rate
     (`motion_fps`) of what comes, the rate `fps` of what goes out, and how the look ahead is shared out: `smooth` the
-    motion or not, frames for the feet (`ground`) and for the solver (`preview`). On a stand there is no ground.
+    motion or not, frames for the feet (`ground`) and for the solver (`preview`). On a stand there is no ground. `each`:
+    frames that go out of a solution.
     """
 
     rig: Rig
@@ -56,17 +57,18 @@ class Stream:
     limits: Limits
     ground: Ground | None
     preview: int
+    each: int
 
     @property
     def delay(self) -> int:
-        """Frames that go out after the newest one that is sampled from the motion."""
-        return HALF * self.smooth + (self.ground.ahead if self.ground else 0) + self.preview
+        """Frames that go out after the newest one that is sampled from the motion, at most."""
+        return HALF * self.smooth + (self.ground.ahead if self.ground else 0) + self.preview + self.each - 1
 
 
 @dataclass(frozen=True)
 class Progress:
     """What a stream remembers. `begun`: how many frames have goals; `first` frame of the motion. `past` (REACH, nq)
-    went out last; `ahead` is how it was solved, its last frame and those (preview + GUESSED + 1, nq) after it.
+    went out last; `ahead` is how it was solved, its last frame and those (preview + GUESSED, nq) after it.
     `planted` (n, feet) is of n frames that wait to be solved, `places` and `turns` of the past and of these.
     """
 
@@ -98,13 +100,16 @@ def open_stream(
     fps: float = 50.0,
     look_ahead: float = 0.2,
     floor: float = 0.0,
+    each: int = 1,
 ) -> tuple[Stream, Progress]:
     """A stream of `rig` doing what a motion of `skeleton` at `motion_fps` frames a second shows, and its beginning.
 
     It starts in the nominal pose, over the origin and facing +x, and goes over to the motion in LEAD s. A frame goes
     out `look_ahead` s after it came in, and as many more as it waits for the next one of the motion. `floor`: height of
-    the floor in the motion's world, in metres. The rest is as in `retarget`, but for easing out, since nobody knows
-    when it ends. Raises RigError and ValueError as that does, and ValueError where `look_ahead` is below 0.
+    the floor in the motion's world, in metres. With `each` above 1, that many frames go out of each solution: it costs
+    as much less, and the first of them waits for the last. The rest is as in `retarget`, but for easing out, since
+    nobody knows when it ends. Raises RigError and ValueError as that does, and ValueError where `look_ahead` is below
+    0 or `each` below 1.
     """
     mount = checked_mount(rig, mount)
     if not (np.isfinite(fps) and fps > 0 and np.isfinite(motion_fps) and motion_fps > 0):
@@ -113,6 +118,8 @@ def open_stream(
         raise ValueError(f"look_ahead must be at least 0 s, not {look_ahead:g}")
     model = load_model(rig)
     rest, nominal = rest_of(rig, model), nominal_qpos(rig, mount)
+    if each < 1:
+        raise ValueError(f"each must be at least 1 frame, not {each}")
     ahead = round(look_ahead * fps)
     smooth = ahead >= 2 * HALF
     ahead -= HALF * smooth
@@ -123,13 +130,25 @@ def open_stream(
         ground = Ground(rest, floor, fps, rig.nominal.height, leg_scale(still, rest), ahead - preview)
     problem = problem_of(rig, model, nominal, fixed_root=mount == "stand", grounded=mount != "stand")
     stream = Stream(
-        rig, model, rest, problem, nominal, skeleton, motion_fps, fps, smooth, limits_of(rig, fps), ground, preview
+        rig,
+        model,
+        rest,
+        problem,
+        nominal,
+        skeleton,
+        motion_fps,
+        fps,
+        smooth,
+        limits_of(rig, fps),
+        ground,
+        preview,
+        each,
     )
     asked = _asked(stream, still, still)
     places, turns = targets_of(list(asked.values()), rig, model)
     places, turns = _led_in(stream, places.at([0] * REACH), turns.at([0] * REACH), np.zeros(REACH))
     none = np.zeros((0, len(rig.feet)), bool)
-    past, plan = (np.tile(nominal, (count, 1)) for count in (REACH, preview + GUESSED + 2))
+    past, plan = (np.tile(nominal, (count, 1)) for count in (REACH, preview + GUESSED + 1))
     return stream, Progress(Incoming(), None, standing(asked, rest), 0, places, turns, none, past, plan)
 
 
@@ -147,21 +166,20 @@ def advance(stream: Stream, progress: Progress, motion: Motion) -> tuple[Progres
     progress = replace(progress, incoming=incoming)
     if new is not None:
         progress = _wanted(stream, progress, new)
-    out, stand = [], []
-    while len(progress.planted) > stream.preview:
-        stand.append(progress.planted[0])
-        progress = _solved(stream, progress)
-        out.append(progress.past[-1])
-    qpos = np.array(out).reshape(-1, stream.model.nq)
-    flags = np.array(stand, bool).reshape(-1, len(stream.rig.feet))
+    out, stand = [progress.past[:0]], [progress.planted[:0]]
+    while len(progress.planted) >= stream.preview + stream.each:
+        stand.append(progress.planted[: stream.each])
+        progress, done = _solved(stream, progress)
+        out.append(done)
+    qpos, flags = np.concatenate(out), np.concatenate(stand)
     contacts = {foot.name: flags[:, i] for i, foot in enumerate(stream.rig.feet)}
     return progress, Streamed(_above_floor(stream, qpos), contacts)
 
 
 def drained(stream: Stream, progress: Progress) -> Streamed:
     """What is still to go out where the motion has ended: its last frame is held for as long as the stream is late."""
-    last, left = progress.incoming.last, min(stream.delay, progress.incoming.sampled)
-    count = int(np.ceil(stream.delay * stream.motion_fps / stream.fps))
+    last, left = progress.incoming.last, progress.incoming.sampled - (progress.begun - len(progress.planted))
+    count = int(np.ceil((stream.delay + stream.each) * stream.motion_fps / stream.fps)) if left else 0
     if last is None or count == 0:
         return Streamed(progress.past[:0], {foot.name: np.zeros(0, bool) for foot in stream.rig.feet})
     held = last.sampled(np.zeros(count), last.fps)
@@ -222,25 +240,30 @@ def _led_in(stream: Stream, places: Places, turns: Turns, share: Array) -> tuple
     return replace(places, place=place), replace(turns, turn=slerp(facing, turns.turn, u))
 
 
-def _solved(stream: Stream, progress: Progress) -> Progress:
-    """The progress one frame on; the frame is the last of its `past`."""
-    seen, rest = slice(REACH + stream.preview + 1), slice(1, None)
+def _solved(stream: Stream, progress: Progress) -> tuple[Progress, Array]:
+    """The progress `each` frames on, and these frames (each, nq)."""
+    each = stream.each
+    seen, rest = slice(REACH + stream.preview + each), slice(each, None)
     places, turns = _guessed(progress.places.at(seen), progress.turns.at(seen))
     window = Window(places, turns, REACH, 1 / stream.fps, SMOOTH)
-    on = moved(progress.ahead[-1:], differences(progress.ahead[-2:]))  # the newest frame, as fast as the one before it
-    guess = np.concatenate([progress.past, progress.ahead[2:], on])
-    ahead = followed(stream.problem, window, guess, STEPS)[1:]
-    now, before = ahead[1].copy(), progress.past[1]
-    now[7:] = next_within(progress.past[:, 7:], now[7:], now[7:] - before[7:], stream.limits)
-    now[3:7] *= np.copysign(1.0, now[3:7] @ before[3:7])
+    guess = np.concatenate([progress.past, progress.ahead[1:]])
+    for _ in range(each):  # the newest frames, each as fast as the one before it
+        guess = np.concatenate([guess, moved(guess[-1:], differences(guess[-2:]))])
+    ahead = followed(stream.problem, window, guess, STEPS)[REACH - 1 :]
+    past = progress.past
+    for now in ahead[1 : 1 + each].copy():
+        before = past[-1]
+        now[7:] = next_within(past[-2:, 7:], now[7:], now[7:] - before[7:], stream.limits)
+        now[3:7] *= np.copysign(1.0, now[3:7] @ before[3:7])
+        past = np.concatenate([past, now[None]])
     return replace(
         progress,
         places=progress.places.at(rest),
         turns=progress.turns.at(rest),
         planted=progress.planted[rest],
-        past=np.stack([before, now]),
-        ahead=ahead,
-    )
+        past=past[-REACH:],
+        ahead=ahead[each:],
+    ), past[REACH:]
 
 
 def _guessed(places: Places, turns: Turns) -> tuple[Places, Turns]:

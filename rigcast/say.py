@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 from motiongen.candidates import DEFAULT_CANDIDATES, choose
 from motiongen.generator import Generator, PromptError, check_prompt, check_seconds, load_generator, require_control
 from motiongen.motion import Motion
-from retarget.rig import Mount, load_rig
+from retarget.rig import Mount, Rig, load_rig
 from retarget.shown import cannot_show
 from rigcast import show
 from rigcast.delivery import Delivery, deliver, require
@@ -35,6 +35,8 @@ def say(
     guidance: float | None = None,
     candidates: int = DEFAULT_CANDIDATES,
     strict: bool = False,
+    live: bool = False,
+    floor: Annotated[float | None, arg(metavar="METRES")] = None,
     delivery: Annotated[Delivery, arg(name="")] = Delivery(),  # noqa: B008
 ) -> int:
     """Generate a motion for TEXT, retarget it, check it in physics, then write, stream or show it.
@@ -53,7 +55,14 @@ def say(
         guidance: How strictly the text is followed; by default as the generator is best at.
         candidates: Motions drawn at most for a text, of which the one is kept that does what can be measured of it.
         strict: Exit 1 where a text is far from everything that the generator was trained on.
+        live: Stream without end, and do what is typed, line by line, at once; see docs/live.md.
+        floor: With --live, how far from where it begins it may walk in each direction.
     """
+    if live:
+        _require_plain(timeline, action, unconditioned, seconds)
+        return _live(text, load_rig(rig, model), mount, seed, generator, floor, delivery)
+    if floor is not None:
+        raise PromptError("--floor goes with --live")
     times = Times()
     texts = _texts(text, timeline, action, unconditioned, seconds)
     require(delivery, has_motion=True)
@@ -74,6 +83,23 @@ def say(
     from rigcast.pipeline import take
 
     return deliver(take(motion, body, mount, times, fix=delivery.fix), delivery, times, said)
+
+
+def _live(
+    text: str | None, rig: Rig, mount: Mount | None, seed: int, generator: str, floor: float | None, delivery: Delivery
+) -> int:
+    from drivers.endpoint import DEFAULT
+    from rigcast.live import NAME, Stage
+    from rigcast.prompt import prompt
+
+    name = NAME if generator == "mdm" else generator
+    stage = Stage(rig, mount, name, seed, floor, delivery.publish or DEFAULT, delivery.insecure)
+    return prompt(stage, delivery, text)
+
+
+def _require_plain(timeline: Path | None, action: str | None, unconditioned: bool, seconds: float | None) -> None:
+    if timeline is not None or action is not None or unconditioned or seconds is not None:
+        raise PromptError("--live follows what is typed; leave --timeline, --action, --unconditioned and --seconds out")
 
 
 def _texts(

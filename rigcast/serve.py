@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import sys
-import tempfile
-import time
-from collections.abc import Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from drivers.endpoint import DEFAULT
+from drivers.endpoint import DEFAULT, StreamError
+from motiongen.generator import is_live
 from retarget.rig import Mount, load_rig
 
 if TYPE_CHECKING:
-    from rigcast.service.making import Made
-    from rigcast.service.player import Part
-    from rigcast.service.workshop import Workshop
+    from drivers.control import Told
+    from rigcast.service.running import Opened
 
-POLL_S = 0.05
-IDLE_JOB = -1
+LIVE_HZ = 50.0
 
 
 def serve(
@@ -31,8 +27,10 @@ def serve(
     rig: str = "puppet",
     model: Path | None = None,
     mount: Mount | None = None,
-    generator: str = "mdm",
+    generator: str | None = None,
     candidates: int = 1,
+    seed: int = 0,
+    floor: Annotated[float | None, arg(metavar="METRES")] = None,
     rate: Annotated[float, arg(metavar="HZ")] = 50.0,
     lease: Annotated[float, arg(metavar="SECONDS")] = 10.0,
     metrics: Annotated[int | None, arg(metavar="PORT")] = None,
@@ -45,81 +43,66 @@ def serve(
         rig: Name of a rig (see `rigcast rigs`) or path of its folder.
         model: The rig's MJCF, where it is not where the rig looks for it.
         mount: How the base is held; by default as the rig says.
-        generator: Name of a generator (see `rigcast generators`).
+        generator: Name of a generator (see `rigcast generators`) or file of its weights; by default live, which answers
+            at once, for a rig on a stand, and mdm for others.
         candidates: Motions drawn at most for a text, of which the one is kept that does what can be measured of it.
+        seed: With live, what it draws.
+        floor: With live, how far from where it begins it may walk in each direction, in metres.
         rate: Frames a second on the wire, 1 to 1000.
         lease: How long a sender keeps the rig after its last motion.
         metrics: Port on 127.0.0.1 for Prometheus, 0 for any; none by default.
         insecure: Stream without encryption and obey everybody, where other machines reach the endpoint.
     """
-    from drivers.clock import MonotonicClock
-    from drivers.endpoint import StreamError, endpoints
-    from drivers.keys import keys_for
     from drivers.metrics import MetricsPage, rendered
-    from drivers.publisher import MOST_HZ, Publisher, require_free
-    from drivers.samples import hello_for
+    from drivers.publisher import MOST_HZ
     from drivers.signals import caught_signals
     from rigcast.service.figures import figures
-    from rigcast.service.making import Setup
-    from rigcast.service.service import Service, Settings, run
-    from rigcast.service.workshop import Workshop
+    from rigcast.service.running import run
 
     if not 1 <= rate <= MOST_HZ:
         raise StreamError(f"rate {rate:g} Hz; it must be in 1…{MOST_HZ}")
     body = load_rig(rig, model)
-    keys = keys_for(endpoints(endpoint), insecure=insecure)
-    require_free(endpoint)
-    clock = MonotonicClock()
+    name = generator or ("live" if (mount or body.mount) == "stand" else "mdm")
+    live = is_live(name)
+    if live and (rate != LIVE_HZ or candidates != 1):
+        raise StreamError(f"{name} streams at {LIVE_HZ:g} Hz and draws once; leave --rate and --candidates out")
+    if not live and (seed or floor is not None):
+        raise StreamError(f"--seed and --floor are for live motion; with {name}, `rigcast send` tells the seed")
     with ExitStack() as stack:
-        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="rigcast-"))
-        where = None if model is None else str(model)
         page: list[str] = [""]
         if metrics is not None:
             port = stack.enter_context(MetricsPage(metrics, lambda: page[0])).port
             print(f"figures at http://127.0.0.1:{port}/metrics", file=sys.stderr, flush=True)
         caught = stack.enter_context(caught_signals())
-        cutter = stack.enter_context(closing(Workshop(Setup(rig, folder, where, mount))))
-        maker = stack.enter_context(closing(Workshop(Setup(rig, folder, where, mount, generator, candidates))))
-        idle = _idle(cutter, maker, rate, caught)
-        if idle is None:
+        if live:
+            from rigcast.live import Stage, opened
+
+            stage = Stage(body, mount, name, seed, floor, endpoint, insecure, lease)
+            found: Opened | None = stack.enter_context(opened(stage, lambda: bool(caught), _tell))
+        else:
+            from rigcast.clips import opened as open_clips
+            from rigcast.service.desk import Settings
+            from rigcast.service.making import Setup
+
+            setup = Setup(rig, "", None if model is None else str(model), mount, name, candidates)
+            settings = Settings(rate, lease, name)
+            found = stack.enter_context(open_clips(body, setup, settings, endpoint, insecure, lambda: bool(caught)))
+        if found is None:
             return 0
-        hello = hello_for(idle.trajectory, body, idle.report_id, 0)
-        publisher = stack.enter_context(Publisher(hello, endpoint, keys=keys, insecure=insecure, clock=clock))
-        service = Service(body, publisher, idle, maker, cutter, Settings(rate, lease, generator), clock)
-        print(f"{body.name} is idle on {endpoint}; generator {generator}", file=sys.stderr, flush=True)
+        service = found.service
+        print(f"{body.name} is idle on {endpoint}; generator {name}", file=sys.stderr, flush=True)
 
         def each_second() -> None:
-            starts = maker.starts + cutter.starts
-            found = figures(service.status(), publisher, service.counts, service.outcomes, starts)
-            page[0] = rendered(found)
+            page[0] = rendered(
+                figures(service.status(), found.publisher, service.counts, service.outcomes, found.starts())
+            )
 
-        run(service, lambda: len(caught), each_second, clock)
+        run(service, lambda: len(caught), each_second, found.clock)
     sent = ", ".join(f"{count} {how}" for how, count in service.outcomes.items())
     print(f"{service.counts['frames']} frames, {service.counts['late']} late; prompts: {sent}")
     return 0
 
 
-def _idle(cutter: Workshop, maker: Workshop, rate: float, caught: Sequence[str]) -> Part | None:
-    """The idle motion, once both makers are ready; None where a signal came before.
-
-    Raises RuntimeError where a maker cannot begin, or the gate lets the rig not even stand.
-    """
-    from rigcast.service.making import Idle
-    from rigcast.service.service import idle_part
-
-    for step in (_wait(cutter, caught), _wait(maker, caught)):
-        if step is not None and not step.ok:
-            raise RuntimeError(step.detail)
-    if caught:
-        return None
-    cutter.ask(Idle(IDLE_JOB))
-    made = _wait(cutter, caught)
-    return None if made is None else idle_part(made, rate)
-
-
-def _wait(workshop: Workshop, caught: Sequence[str]) -> Made | None:
-    while not caught:
-        if (made := workshop.done()) is not None:
-            return made
-        time.sleep(POLL_S)
-    return None
+def _tell(said: Told) -> None:
+    """What happened that nobody asked for."""
+    print(said.detail, file=sys.stderr, flush=True)

@@ -10,7 +10,8 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
-from motiongen.diffusion.configs import TrainConfig, named
+from motiongen.diffusion.configs import TrainConfig
+from motiongen.diffusion.named_configs import named
 
 DEFAULT = "mdm"
 
@@ -26,7 +27,7 @@ def train(
 
     Args:
         data: Folder of a data set (`rigcast data build`).
-        generator: mdm, free, motiondiffuse, phase-autoencoder, diffusionphase (after that), mdm-paper,
+        generator: mdm, free, motiondiffuse, live, phase-autoencoder, diffusionphase (after that), mdm-paper,
             mdm-decoder-paper or motiondiffuse-paper; all other options are as it has them, unless they are given.
         out: Folder of the run, by default runs/GENERATOR.
         config: The run.

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from motiongen.motion import Motion
 
 RIG, FILM = "humanoid", (320, 240)
+COUNTED = ("encoding captions", "joining motions", "encoding stretches")  # in the order of `Watch`
 
 
 @contextmanager
@@ -35,14 +36,17 @@ def watching(folder: Path) -> Iterator[Watch]:
         return
     screen = Console(stderr=True)
     with ExitStack() as stack:
-        encoded, coded, told = _bars(stack, screen) if screen.is_terminal else (_no_bar, _no_bar, _print)
+        (encoded, joined, coded), told = (
+            _bars(stack, screen) if screen.is_terminal else ([_no_bar] * len(COUNTED), _print)
+        )
         write = _tensorboard(stack, folder / "log")
 
         def logged(log: Log) -> None:
             told(log)
             write(log)
 
-        yield Watch(lambda line: print(line, file=sys.stderr), encoded, coded, logged, _filmed(folder / "samples"))
+        drawn = _filmed(folder / "samples")
+        yield Watch(lambda line: print(line, file=sys.stderr), encoded, joined, coded, logged, drawn)
 
 
 def _no_bar(done: int, of: int) -> None:
@@ -64,15 +68,13 @@ def _figures(log: Log) -> str:
 Counted = Callable[[int, int], None]
 
 
-def _bars(stack: ExitStack, screen: Console) -> tuple[Counted, Counted, Callable[[Log], None]]:
-    """Bars for captions and stretches that are encoded, and for the steps; each is there once it has something to
-    tell."""
+def _bars(stack: ExitStack, screen: Console) -> tuple[list[Counted], Callable[[Log], None]]:
+    """Bars for what is `COUNTED` and for the steps; each is there once it has something to tell."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}"))
     bar = stack.enter_context(Progress(*columns, console=screen))
-    names = ("encoding captions", "encoding stretches", "training")
-    tasks = {what: bar.add_task(what, visible=False, left="") for what in names}
+    tasks = {what: bar.add_task(what, visible=False, left="") for what in (*COUNTED, "training")}
 
     def counted(what: str, done: int, of: int) -> None:
         bar.update(tasks[what], completed=done, total=of, visible=done < of)
@@ -81,7 +83,7 @@ def _bars(stack: ExitStack, screen: Console) -> tuple[Counted, Counted, Callable
         bar.update(tasks["training"], completed=log.step, total=log.steps, visible=True, left=_time(log))
         bar.console.print(f"step {log.step}  {_figures(log)}", highlight=False)
 
-    return partial(counted, names[0]), partial(counted, names[1]), told
+    return [partial(counted, what) for what in COUNTED], told
 
 
 def _tensorboard(stack: ExitStack, folder: Path) -> Callable[[Log], None]:

@@ -43,6 +43,7 @@ def power(rig: Rig, rollout: Rollout) -> Array:
     return (heat(rig, rollout) + rollout.drive[:, i]).sum(1)
 
 
-def temperature(model: ServoModel, watts: float, seconds: float) -> float:
-    """°C of a servo that turns `watts` into heat for `seconds`, from the temperature of the room."""
-    return ROOM + watts * heat_resistance(model) * (1 - np.exp(-seconds / heat_time(model)))
+def temperature(model: ServoModel, watts: float, seconds: float, begun: float = ROOM) -> float:
+    """°C of a servo that was `begun` °C warm and then turns `watts` into heat for `seconds`."""
+    final = ROOM + watts * heat_resistance(model)
+    return float(final + (begun - final) * np.exp(-seconds / heat_time(model)))

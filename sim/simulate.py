@@ -146,6 +146,31 @@ def run_many(
     ]
 
 
+def settled(scene: Scene, pose: Array) -> Array:
+    """MuJoCo's state of the rig once it has held `pose` (7 + nj,) for SETTLE s, as every run begins."""
+    data = mujoco.MjData(scene.model)
+    scene.place(data, pose)
+    state = np.empty((1, mujoco.mj_stateSize(scene.model, STATE)))
+    mujoco.mj_getState(scene.model, data, state[0], STATE)
+    still = Trajectory(pose[None], 1 / TIMESTEP, scene.rig.name, scene.rig.joint_names())
+    with _quiet():
+        hold = _controls(scene, still, np.zeros(round(SETTLE / TIMESTEP), int), None, [None])
+        return _roll([scene.model], [data], state, hold)[0][0, -1]
+
+
+def run_on(scene: Scene, trajectory: Trajectory, state: Array) -> tuple[Rollout, Array]:
+    """`run` that goes on from MuJoCo's `state` (·,), and the states (T, ·) at the end of every frame."""
+    ends = np.rint(np.arange(1, len(trajectory) + 1) / trajectory.fps / TIMESTEP).astype(int)
+    frame, through = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0)), np.arange(1, ends[-1] + 1) * TIMESTEP
+    begun, data, hold = state.copy(), mujoco.MjData(scene.model), _Holds(scene, scene.model, trajectory)
+    begun[0] = SETTLE  # the time, by which a hold tells whether physics went on
+    with _quiet():
+        states, forces = _roll([scene.model], [data], begun[None], _controls(scene, trajectory, frame, through, [None]))
+    hold.add(0, 0, ends, begun, states[0], forces[0])
+    broken = None if hold.broken is None else Breakdown(hold.broken, _body(scene.model, data))
+    return hold.rollout(scene, trajectory, broken), states[0, np.maximum(ends - 1, 0)]
+
+
 class _Feedback:
     """What is added to the targets of a frame: by what the sensors said a while before it began."""
 

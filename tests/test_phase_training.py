@@ -11,15 +11,9 @@ from safetensors.numpy import load_file, safe_open
 from motiongen.data.build import build
 from motiongen.data.dataset import Dataset
 from motiongen.diffusion import lengths
-from motiongen.diffusion.configs import (
-    CONFIGS,
-    DiffusionPhaseConfig,
-    PhaseAutoencoderConfig,
-    TrainConfig,
-    named,
-    require_sound,
-)
+from motiongen.diffusion.configs import DiffusionPhaseConfig, PhaseAutoencoderConfig, TrainConfig, require_sound
 from motiongen.diffusion.export import export
+from motiongen.diffusion.named_configs import CONFIGS, named
 from motiongen.diffusion.run_folder import RunError
 from motiongen.diffusion.train import Log, Watch, train
 from motiongen.diffusion.weights import WeightsError

@@ -21,10 +21,12 @@ from drivers.roster import Roster
 from retarget.cut import cut_short
 from retarget.files import load_trajectory, save_trajectory
 from retarget.trajectory import Trajectory
+from rigcast.service.desk import Settings
 from rigcast.service.lease import Lease
 from rigcast.service.making import Cut, Made, Make, Setup
 from rigcast.service.player import IDLE, part_of
-from rigcast.service.service import Service, Settings, run
+from rigcast.service.running import run
+from rigcast.service.service import Service
 from rigcast.service.workshop import Workshop
 
 RIG = small_rig()

@@ -142,6 +142,24 @@ def test_on_a_stand_the_root_is_still() -> None:
     assert done.qpos[-1, 7 + shoulder] > 1.0
 
 
+@pytest.mark.parametrize("each", [2, 3])
+def test_several_frames_of_a_solution_are_nearly_what_one_of_each_are(each: int) -> None:
+    clip, rig = walk("puppet"), load_rig("puppet")
+    found = {}
+    for count in (1, each):
+        stream, progress = open_stream(rig, clip.skeleton, clip.fps, mount="stand", look_ahead=0.1, each=count)
+        parts = []
+        for start in range(0, len(clip), 7):
+            progress, done = advance(stream, progress, cut(clip, start, min(start + 7, len(clip))))
+            parts.append(done.qpos)
+        found[count] = np.concatenate([*parts, drained(stream, progress).qpos])
+        assert sum(map(len, parts[:-1])) % count == 0
+    assert found[each].shape == found[1].shape
+    assert 1e-5 < np.abs(found[each] - found[1]).max() < 0.06
+    steps = np.diff(found[each][:, 7:], axis=0) * FPS
+    assert (np.abs(steps) <= np.array([j.velocity for j in rig.joints]) + 1e-9).all()
+
+
 def test_a_progress_is_a_value() -> None:
     """Going on from it twice gives the same twice: a future can be tried and thrown away."""
     clip = walk("puppet")
@@ -160,6 +178,8 @@ def test_what_does_not_fit_is_named() -> None:
         advance(stream, progress, motions.stand(fps=20))
     with pytest.raises(ValueError, match="look_ahead must be at least 0 s, not -1"):
         open_stream(rig, clip.skeleton, 30, look_ahead=-1)
+    with pytest.raises(ValueError, match="each must be at least 1 frame, not 0"):
+        open_stream(rig, clip.skeleton, 30, each=0)
     with pytest.raises(ValueError, match="fps must be above 0, not 50 and 0"):
         open_stream(rig, clip.skeleton, 0)
     with pytest.raises(ValueError, match="unknown mount 'shelf'; known are free, stand, hung"):

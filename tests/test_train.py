@@ -16,17 +16,10 @@ from motiongen.data.build import build
 from motiongen.data.dataset import Dataset
 from motiongen.diffusion import lengths
 from motiongen.diffusion.batches import Batch, Batches
-from motiongen.diffusion.configs import (
-    CONFIGS,
-    LossWeights,
-    MdmConfig,
-    MotionDiffuseConfig,
-    TrainConfig,
-    named,
-    require_sound,
-)
+from motiongen.diffusion.configs import LossWeights, MdmConfig, MotionDiffuseConfig, TrainConfig, require_sound
 from motiongen.diffusion.export import export
 from motiongen.diffusion.generator import DiffusionGenerator
+from motiongen.diffusion.named_configs import CONFIGS, named
 from motiongen.diffusion.train import Log, Watch, train
 from motiongen.motion import Motion
 from rigcast.__main__ import main
@@ -143,7 +136,7 @@ sys.modules |= dict.fromkeys(["msgspec", "tyro", "rich", "tensorboardX", "tokeni
 from pathlib import Path
 from dataclasses import replace
 from motiongen.data.dataset import open_dataset
-from motiongen.diffusion.configs import named
+from motiongen.diffusion.named_configs import named
 from motiongen.diffusion.train import train
 train(replace(named("mdm"), steps=1, batch=2), open_dataset({str(data.folder)!r}), Path({str(tmp_path)!r}))
 """

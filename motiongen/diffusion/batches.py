@@ -66,7 +66,7 @@ class Batches:
         if not usable:
             raise ValueError(f"{data.folder}: no training clip of at most {LONGEST / 30:.0f} s")
         self._rows = np.array(usable)
-        self._chance = _chances([data.entries[i] for i in usable])
+        self._chance = chances([data.entries[i] for i in usable])
         self._drawn: tuple[int, list[list[_Pick]]] = (-1, [])
 
     def captions(self) -> list[str]:
@@ -85,7 +85,7 @@ class Batches:
         picks = picks[share]
         x = np.zeros((len(picks), length, len(self._scale.mean)), np.float32)
         for out, pick in zip(x, picks, strict=True):
-            clip = self._features(pick.clip, pick.mirrored)[pick.start : pick.start + pick.frames]
+            clip = features_on(self._data, pick.clip, pick.mirrored, self._scale)[pick.start : pick.start + pick.frames]
             out[: pick.frames] = (clip - self._scale.mean) / self._scale.std
         actions = tuple(action_of(self._data.entries[p.clip], p.mirrored) for p in picks)
         return Batch(x, whole[share], tuple(p.caption for p in picks), actions, whole)
@@ -117,12 +117,13 @@ class Batches:
         starts = rng.integers(0, room + 1, 4)
         return int(max(starts, key=lambda s: stir[s : s + frames].sum()))
 
-    def _features(self, i: int, mirrored: bool) -> Floats:
-        """Features of a clip as the scale's skeleton has to move, so that its feet do not slide: lengths go by legs."""
-        features = self._data.features(i, mirrored)
-        longer = _leg(self._scale.offsets) / _leg(np.array(self._data.entries[i].offsets))
-        features[:, [PLANAR.start, PLANAR.start + 1, HEIGHT]] *= longer
-        return features
+
+def features_on(data: Dataset, i: int, mirrored: bool, scale: Scale) -> Floats:
+    """Features of a clip as the scale's skeleton has to move, so that its feet do not slide: lengths go by legs."""
+    features = data.features(i, mirrored)
+    longer = _leg(scale.offsets) / _leg(np.array(data.entries[i].offsets))
+    features[:, [PLANAR.start, PLANAR.start + 1, HEIGHT]] *= longer
+    return features
 
 
 def scale_of(data: Dataset) -> Scale:
@@ -168,7 +169,7 @@ def _fits(entry: Entry) -> bool:
     return entry.frames <= LONGEST or (entry.source in CUT and not all(map(says_number, entry.captions)))
 
 
-def _chances(entries: list[Entry]) -> NDArray[np.float64]:
+def chances(entries: list[Entry]) -> NDArray[np.float64]:
     """Chance of each clip: small sources somewhat above their share of frames; in a source, rare contents too."""
     kinds = Counter((e.source, e.content, e.style) for e in entries)
     chance = np.array([kinds[e.source, e.content, e.style] ** -0.6 for e in entries])

@@ -1,16 +1,17 @@
-"""What a training run is: a network and its sizes, what it predicts, how it learns; and the runs that have a name."""
+"""What a training run is: a network and its sizes, what it predicts, how it learns."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import ClassVar, Literal
 
 
 @dataclass(frozen=True)
 class MdmConfig:
     """Sizes of MDM. `patch`: frames to a token; `text`: width of the text encoder's vectors; `actions`: how many are
-    known."""
+    known; `history`: how many frames at the front are given instead of drawn; `steering`: numbers a frame that say
+    where it should go, beside the text."""
 
     network: ClassVar[str] = "mdm"
 
@@ -24,6 +25,31 @@ class MdmConfig:
     text: int = 384
     dropout: float = 0.0
     actions: int = 0
+    history: int = 0
+    steering: int = 0
+
+
+@dataclass(frozen=True)
+class LiveConfig:
+    """How a network learns to go on from a history for ever (see motiongen/live/objective.py).
+
+    Attributes:
+        chunk: Frames that it draws at once; at least as many as the history has.
+        motions: How many are joined from the clips of the data set.
+        rollouts: Share of the windows whose history it has drawn itself.
+        truth: Steps before which all histories are true.
+        no_history: Share of the windows that are shown without.
+        steer_root: Share of the windows in which speed and turn are given.
+        steer_hand: Share of the windows in which a hand's places are given; for each hand.
+    """
+
+    chunk: int = 48
+    motions: int = 800
+    rollouts: float = 0.25
+    truth: int = 500
+    no_history: float = 0.05
+    steer_root: float = 0.35
+    steer_hand: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -109,6 +135,9 @@ class TrainConfig:
         model: Sizes of the network.
         schedule: How the noise grows (see motiongen/diffusion/schedule.py).
         prediction: What the network tells: the clean motion (x0) or the noise in it.
+        live: Learn to go on from a history; None: to draw whole clips.
+        begin: Weights file, or the name of one in the tree, whose tensors a network of the same sizes begins with; what
+            numbers mean is then taken from there.
         free: Learn only from clips whose licences allow commercial use (see motiongen/data/free.py).
         weights: Weights of the geometric losses, which need the prediction x0.
         steps: Steps in all.
@@ -134,6 +163,8 @@ class TrainConfig:
     model: Sizes = field(default_factory=MdmConfig)
     schedule: Literal["cosine", "linear"] = "cosine"
     prediction: Literal["x0", "noise"] = "x0"
+    live: LiveConfig | None = None
+    begin: str = ""
     free: bool = False
     weights: LossWeights = field(default_factory=LossWeights)
     steps: int = 20_000
@@ -162,64 +193,7 @@ _RANGES = (
     *((name, 0, 1) for name in ("decay", "ema", "drop_text", "by_action")),
     *((name, 1e-9, math.inf) for name in ("rate", "clip")),
 )
-_OF_PHASES = {"prediction": "x0", "by_action": 0, "balanced": False, "show_every": 0, "compile": False}
-_SMALL = TrainConfig(muon=True, balanced=True)
-_MDM_SIZES = MdmConfig("encoder", patch=1, width=512, layers=8, heads=4, feed_forward=1024, dropout=0.1)
-_MDM_PAPER = TrainConfig(
-    _MDM_SIZES,
-    steps=600_000,
-    batch=64,
-    rate=1e-4,
-    decay=0.0,
-    weight_decay=0.0,
-    ema=0.9999,
-    save_every=1000,
-    show_every=20_000,
-)
-_NOISE = TrainConfig(
-    MotionDiffuseConfig(), schedule="linear", prediction="noise", weights=LossWeights(0.0, 0.0, 0.0), muon=True
-)
-_PHASE = TrainConfig(PhaseAutoencoderConfig(), steps=3000, rate=1e-3, by_action=0.0, muon=True, show_every=0)
-CONFIGS: dict[str, TrainConfig] = {
-    "mdm": _SMALL,
-    "free": replace(_SMALL, free=True),
-    "motiondiffuse": _NOISE,
-    "phase-autoencoder": _PHASE,
-    "diffusionphase": replace(_PHASE, model=DiffusionPhaseConfig(), steps=3200, batch=128, rate=7e-4),
-    "mdm-paper": _MDM_PAPER,
-    "mdm-decoder-paper": replace(_MDM_PAPER, model=replace(_MDM_SIZES, form="decoder")),
-    "motiondiffuse-paper": replace(
-        _NOISE,
-        model=MotionDiffuseConfig(
-            patch=1,
-            width=512,
-            layers=8,
-            heads=8,
-            feed_forward=1024,
-            text_width=256,
-            text_layers=4,
-            text_feed_forward=1024,
-        ),
-        steps=100_000,
-        batch=1024,
-        rate=2e-4,
-        decay=0.0,
-        weight_decay=0.0,
-        muon=False,
-        drop_text=0.0,
-        save_every=1000,
-        show_every=10_000,
-    ),
-}
-"""Small ones, as in the tree; and the sizes, rates and batches of the papers (Tevet et al. 2022, Sec. 4; Zhang et al.
-2022, Sec. 4.2), which say nothing of clipping, warm-up and, MotionDiffuse's, of an average."""
-
-
-def named(name: str) -> TrainConfig:
-    """The config of a name; raises ValueError for one that is not known."""
-    if name not in CONFIGS:
-        raise ValueError(f"no generator {name!r} to train; there are {', '.join(CONFIGS)}")
-    return CONFIGS[name]
+_OF_PHASES = {"prediction": "x0", "begin": "", "by_action": 0, "balanced": False, "show_every": 0, "compile": False}
 
 
 def require_sound(config: TrainConfig) -> None:
@@ -234,6 +208,7 @@ def require_sound(config: TrainConfig) -> None:
         raise ValueError(f"actions is told by the data set; leave it 0, not {config.model.actions}")
     if config.prediction == "noise" and any(asdict(config.weights).values()):
         raise ValueError("prediction noise has no geometric losses; set weights.position, velocity and foot to 0")
+    _require_live(config)
     if config.balanced and (config.schedule, config.prediction) != ("cosine", "x0"):
         raise ValueError("balanced is for schedule cosine and prediction x0; leave it out")
 
@@ -242,6 +217,22 @@ def _require_phase(config: TrainConfig) -> None:
     for name, only in _OF_PHASES.items():
         if (value := getattr(config, name)) != only:
             raise ValueError(f"{name} must be {only} for {config.model.network}, not {value}")
+
+
+def _require_live(config: TrainConfig) -> None:
+    history = config.model.history if isinstance(config.model, MdmConfig) else 0
+    if (config.live is None) != (history == 0):
+        raise ValueError(f"live and model.history go together; there is a history of {history} frames")
+    if config.live is None:
+        return
+    chunk, patch = config.live.chunk, config.model.patch
+    if chunk < history or chunk % patch or history % patch:
+        raise ValueError(f"live.chunk {chunk} and model.history {history}: multiples of {patch}, the chunk no shorter")
+    if config.prediction != "x0" or config.schedule != "cosine" or config.by_action or config.show_every:
+        raise ValueError("live is for prediction x0, schedule cosine, by_action 0 and show_every 0")
+    for name in ("rollouts", "no_history", "steer_root", "steer_hand"):
+        if not 0 <= (value := getattr(config.live, name)) <= 1:
+            raise ValueError(f"live.{name} must be 0 to 1, not {value}")
 
 
 def _range(least: float, most: float) -> str:

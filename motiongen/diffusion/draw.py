@@ -62,6 +62,12 @@ def require_known(model: Weights, name: str) -> None:
             raise WeightsError(f"{name}: {what} {value!r}; this rigcast knows {', '.join(known)}")
 
 
+def require_whole(model: Weights, name: str) -> None:
+    """Raise WeightsError, naming the file `name`, for a network that goes on from a history."""
+    if model.sizes.get("history"):
+        raise WeightsError(f"{name}: goes on from a history, for a live generator; it draws no whole clips")
+
+
 def passes_over(model: Weights, said: Said, start: int, stop: int, columns: NDArray[np.bool_]) -> list[Pass]:
     """One pass over the frames from `start` to `stop`, a multiple of the patch apart, or windows that overlap."""
     stride = patched(model, model.window - OVERLAP)

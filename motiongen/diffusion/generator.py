@@ -13,7 +13,7 @@ import numpy as np
 
 from motiongen.compose.motions import composed_of
 from motiongen.diffusion import said
-from motiongen.diffusion.draw import GUIDANCE, LAM_PARTS, Constraint, Drawing, draw, require_known, whole
+from motiongen.diffusion.draw import GUIDANCE, LAM_PARTS, Constraint, Drawing, draw, require_known, require_whole, whole
 from motiongen.diffusion.editing import edit_of, edited
 from motiongen.diffusion.finish import finished
 from motiongen.diffusion.known import familiarity
@@ -52,6 +52,7 @@ class DiffusionGenerator:
         self.name = path.stem
         self._model = load_weights(path)
         require_known(self._model, str(path))
+        require_whole(self._model, str(path))
         self._encoder = TextEncoder()
         self._sampler, self._alone = sampler, alone
         self._lam_parts, self._own_bodies = lam_parts, own_bodies

@@ -79,10 +79,13 @@ class Mdm(nn.Module):
         self.no_sentence = nn.Parameter(torch.zeros(c.width))
         self.no_words = nn.Parameter(torch.zeros(c.width))
         self.action = nn.Embedding(c.actions, c.width) if c.actions else None
+        self.steer = nn.Linear(c.steering * c.patch, c.width, bias=False) if c.steering else None
         self.blocks = nn.ModuleList(Block(c) for _ in range(c.layers))
         self.norm = nn.LayerNorm(c.width)
         self.write = nn.Linear(c.width, c.features * c.patch)
         nn.init.zeros_(self.to_end.weight)
+        if self.steer is not None:
+            nn.init.zeros_(self.steer.weight)
 
     def forward(
         self,
@@ -94,17 +97,21 @@ class Mdm(nn.Module):
         sentence: Tensor,
         keep: Tensor,
         action: Tensor | None = None,
+        steering: Tensor | None = None,
     ) -> Tensor:
         """Estimate of x_0 (B, T, features).
 
-        `x` (B, T, features) normalised, T a multiple of the patch; `t` (B,) in [0, 1]; `frames` (B, T) bool: which are
-        part of the clip; `words` (B, N, text), `word_mask` (B, N), `sentence` (B, text); `keep` (B,): where false the
-        text is replaced by the learned "no text"; `action` (B,): where not negative, the action that stands for the
-        text.
+        `x` (B, T, features) normalised, T a multiple of the patch, of which a history is not noised; `t` (B,) in
+        [0, 1]; `frames` (B, T) bool: which are part of the clip; `words` (B, N, text), `word_mask` (B, N), `sentence`
+        (B, text); `keep` (B,): where false the text is replaced by the learned "no text"; `action` (B,): where not
+        negative, the action that stands for the text; `steering` (B, T, steering): where to go (see
+        motiongen/live/steering.py).
         """
         c = self.config
         batch, length, _ = x.shape
         tokens = self.read(x.reshape(batch, length // c.patch, c.patch * c.features))
+        if self.steer is not None and steering is not None:
+            tokens = tokens + self.steer(steering.reshape(batch, length // c.patch, -1))
         said, heard = self.sentence(sentence), self.word(words)
         if self.action is not None and action is not None:
             act, is_act = self.action(action.clamp(min=0)), (action >= 0)[:, None]

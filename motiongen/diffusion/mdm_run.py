@@ -11,7 +11,15 @@ from motiongen.diffusion.said import Said
 from motiongen.nn import Floats, Tensors, attention, gelu, layer_norm, linear, silu, waves
 
 
-def denoise(w: Tensors, sizes: Mapping[str, int], x: Floats, t: float, frames: NDArray[np.bool_], said: Said) -> Floats:
+def denoise(
+    w: Tensors,
+    sizes: Mapping[str, int],
+    x: Floats,
+    t: float,
+    frames: NDArray[np.bool_],
+    said: Said,
+    steering: Floats | None = None,
+) -> Floats:
     """Estimate of x_0 (B, T, features); arguments as `Mdm.forward` has them, with one `t` for the batch.
 
     `sizes`: the config's `patch` and `heads`.
@@ -20,6 +28,8 @@ def denoise(w: Tensors, sizes: Mapping[str, int], x: Floats, t: float, frames: N
     batch, length, features = x.shape
     tokens = linear(x.reshape(batch, length // patch, patch * features), w, "read")
     width = tokens.shape[-1]
+    if steering is not None:
+        tokens = tokens + steering.reshape(batch, length // patch, -1) @ w["steer.weight"].T
     sentence, words = linear(said.sentence, w, "sentence"), linear(said.words, w, "word")
     if said.action is not None:
         act, is_act = w["action.weight"][np.maximum(said.action, 0)], (said.action >= 0)[:, None]

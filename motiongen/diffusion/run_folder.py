@@ -20,6 +20,7 @@ from safetensors.numpy import load_file, save_file
 from motiongen.data.dataset import Dataset
 from motiongen.diffusion.batches import Scale, actions_of, scale_of
 from motiongen.diffusion.configs import DiffusionPhaseConfig, TrainConfig
+from motiongen.diffusion.weights import load_weights, weights_path
 from motiongen.files import replacing
 
 
@@ -39,7 +40,8 @@ class Run:
 def open_run(out: Path, config: TrainConfig, data: Dataset) -> Run:
     """The run in `out`, begun where there is none; its config is from now on `config`.
 
-    Raises RunError where the run there has another network, naming what differs, or is damaged.
+    Raises RunError where the run there has another network, naming what differs, or is damaged; WeightsError where the
+    weights to begin with are.
     """
     out.mkdir(parents=True, exist_ok=True)
     new = {"network": config.model.network} | asdict(config)
@@ -49,15 +51,19 @@ def open_run(out: Path, config: TrainConfig, data: Dataset) -> Run:
         with replacing(out / "scale.safetensors") as temporary:
             save_file(asdict(_scale(config, data)), temporary)
     if not (out / "actions.json").exists():
-        _write_json(out / "actions.json", actions_of(data))
+        _write_json(out / "actions.json", actions_of(data) if config.by_action else ())
     _write_json(out / "config.json", new)
     return read_run(out)
 
 
 def _scale(config: TrainConfig, data: Dataset) -> Scale:
-    """What a first stage's numbers mean, they mean in the second, too."""
-    sizes = config.model
-    return read_run(Path(sizes.autoencoder)).scale if isinstance(sizes, DiffusionPhaseConfig) else scale_of(data)
+    """What numbers mean in that which a run begins with, they mean in the run, too."""
+    if isinstance(config.model, DiffusionPhaseConfig):
+        return read_run(Path(config.model.autoencoder)).scale
+    if config.begin:
+        found = load_weights(weights_path(config.begin))
+        return Scale(found.mean, found.std, found.offsets)
+    return scale_of(data)
 
 
 def read_run(out: Path) -> Run:

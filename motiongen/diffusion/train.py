@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import fmean
@@ -25,28 +25,16 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 from motiongen.data.dataset import Dataset
 from motiongen.data.free import free_only
 from motiongen.data.texts import Texts, data_texts
-from motiongen.diffusion.batches import Batches, Scale
+from motiongen.diffusion.batches import Batches
 from motiongen.diffusion.checkpoint import CHECKPOINT, resume, save_checkpoint
-from motiongen.diffusion.configs import (
-    DiffusionPhaseConfig,
-    MdmConfig,
-    MotionDiffuseConfig,
-    PhaseAutoencoderConfig,
-    Sizes,
-    TrainConfig,
-    require_sound,
-)
-from motiongen.diffusion.mdm import Mdm
-from motiongen.diffusion.motiondiffuse import MotionDiffuse
-from motiongen.diffusion.objective import ClipObjective, Objective, load_share, multiplies_in_bf16
+from motiongen.diffusion.configs import DiffusionPhaseConfig, TrainConfig, require_sound
+from motiongen.diffusion.lessons import Source, lesson, objective_of, open_source
+from motiongen.diffusion.objective import multiplies_in_bf16
 from motiongen.diffusion.processes import Team, join
 from motiongen.diffusion.run_folder import Run, open_run, read_run
 from motiongen.diffusion.samples import draw_samples, pick_prompts
 from motiongen.motion import Motion
-from motiongen.phase.autoencoder import PhaseAutoencoder
-from motiongen.phase.denoiser import PhaseDenoiser
-from motiongen.phase.first_stage import open_all_codes, read_first_stage
-from motiongen.phase.objective import AutoencoderObjective, PhaseObjective, load_codes, load_segments
+from motiongen.phase.first_stage import open_all_codes
 
 
 @dataclass(frozen=True)
@@ -70,13 +58,14 @@ class Log:
 class Watch:
     """Who is told what on the way; under `torchrun`, by the first process alone.
 
-    `say`: a line about the run; `encoded`, `coded`: how many captions, or stretches, of how many; `logged`: every
-    `log_every` steps; `drawn`: every `show_every` steps, what the averaged network draws for fixed captions (see
-    `pick_prompts`).
+    `say`: a line about the run; `encoded`, `joined`, `coded`: how many captions, joined motions, or stretches, of how
+    many; `logged`: every `log_every` steps; `drawn`: every `show_every` steps, what the averaged network draws for
+    fixed captions (see `pick_prompts`).
     """
 
     say: Callable[[str], None] = lambda line: None
     encoded: Callable[[int, int], None] = lambda done, of: None
+    joined: Callable[[int, int], None] = lambda done, of: None
     coded: Callable[[int, int], None] = lambda done, of: None
     logged: Callable[[Log], None] = lambda log: None
     drawn: Callable[[int, list[Motion]], None] | None = None
@@ -100,15 +89,15 @@ def train(config: TrainConfig, data: Dataset, out: Path, watch: Watch | None = N
 
 
 def _train(config: TrainConfig, data: Dataset, out: Path, team: Team, watch: Watch) -> None:
-    run, batches, texts = _open(config, data, out, team, watch)
+    run, source, texts = _open(config, data, out, team, watch)
     torch.manual_seed(config.seed)
-    model, load = _lesson(config, run, batches, texts, out, team)
+    model, load = lesson(config, run, source, texts, out, team)
     average = {k: v.detach().clone() for k, v in model.state_dict().items()}
     optimizers = _optimizers(model, config)
     networks = {"model": model.state_dict(), "average": average}
     saved = first = resume(out / CHECKPOINT, networks, optimizers)
     watch.say(_about(model, config, team, len(data), first))
-    objective = _objective(config, model, run.scale, team)
+    objective = objective_of(config, model, run.scale, team)
     prompts = pick_prompts(data, texts, config.seed)
     since: list[dict[str, float]] = []  # terms of the steps since the last log
     began = time.monotonic()
@@ -141,19 +130,18 @@ def _train(config: TrainConfig, data: Dataset, out: Path, team: Team, watch: Wat
     watch.say(f"{out / CHECKPOINT}: {saved} steps done")
 
 
-def _open(config: TrainConfig, data: Dataset, out: Path, team: Team, watch: Watch) -> tuple[Run, Batches, Texts]:
+def _open(config: TrainConfig, data: Dataset, out: Path, team: Team, watch: Watch) -> tuple[Run, Source, Texts]:
     """The run's folder and what it learns from; the first process alone writes, and the others wait for it."""
     if team.first:
         open_run(out, config, data)
+        source = open_source(config, data, read_run(out).scale, out, watch.joined)
+        data_texts(data, source.captions(), progress=watch.encoded)
+        if isinstance(config.model, DiffusionPhaseConfig) and isinstance(source, Batches):
+            open_all_codes(config.model, out, source, config.seed, watch.coded)
     team.wait()
     run = read_run(out)
-    batches = Batches(data, run.scale, size=config.batch, patch=config.model.patch, seed=config.seed)
-    if team.first:
-        data_texts(data, batches.captions(), progress=watch.encoded)
-        if isinstance(config.model, DiffusionPhaseConfig):
-            open_all_codes(config.model, out, batches, config.seed, watch.coded)
-    team.wait()
-    return run, batches, data_texts(data, batches.captions())
+    source = open_source(config, data, run.scale, out)
+    return run, source, data_texts(data, source.captions())
 
 
 def _averaged(model: nn.Module, average: dict[str, Tensor], *inputs: Tensor) -> Tensor:
@@ -162,47 +150,6 @@ def _averaged(model: nn.Module, average: dict[str, Tensor], *inputs: Tensor) -> 
     made: Tensor = functional_call(model, average, inputs)
     model.train()
     return made
-
-
-def _lesson(
-    config: TrainConfig, run: Run, batches: Batches, texts: Texts, out: Path, team: Team
-) -> tuple[nn.Module, Callable[[int], Any]]:
-    """The network, untrained, on the device, and what loads this process's share of the batch of a step for it."""
-    sizes = config.model
-    if isinstance(sizes, PhaseAutoencoderConfig):
-        return build(sizes).to(team.device), partial(load_segments, batches, sizes, config, team)
-    if isinstance(sizes, DiffusionPhaseConfig):
-        codes = open_all_codes(sizes, out, batches, config.seed, Watch().coded)
-        model = build(sizes)
-        model.load_state_dict(
-            {"center": torch.from_numpy(codes.center), "spread": torch.from_numpy(codes.spread)}, False
-        )
-        kernel = read_first_stage(Path(sizes.autoencoder)).sizes.kernel
-        return model.to(team.device), partial(load_codes, codes, sizes, kernel, texts, config, team)
-    model = build(replace(sizes, actions=len(run.actions)))
-    return model.to(team.device), partial(load_share, batches, texts, run.actions, team)
-
-
-def build(sizes: Sizes) -> nn.Module:
-    """The network of such sizes, untrained, but for an auto-encoder that was before; of that raises RunError."""
-    if isinstance(sizes, MdmConfig):
-        return Mdm(sizes)
-    if isinstance(sizes, MotionDiffuseConfig):
-        return MotionDiffuse(sizes)
-    if isinstance(sizes, PhaseAutoencoderConfig):
-        return PhaseAutoencoder(sizes)
-    first = read_first_stage(Path(sizes.autoencoder))
-    model = PhaseDenoiser(sizes, first.sizes)
-    model.autoencoder.load_state_dict({name: torch.from_numpy(y) for name, y in first.tensors.items()})
-    return model
-
-
-def _objective(config: TrainConfig, model: nn.Module, scale: Scale, team: Team) -> Objective[Any]:
-    if isinstance(model, PhaseAutoencoder):
-        return AutoencoderObjective(config, model, scale, team)
-    if isinstance(model, PhaseDenoiser):
-        return PhaseObjective(config, model, scale, team)
-    return ClipObjective(config, model, scale, team)
 
 
 def _optimizers(model: nn.Module, config: TrainConfig) -> dict[str, torch.optim.Optimizer]:

@@ -121,12 +121,21 @@ def _in_eight_bits(matrix: Floats) -> tuple[NDArray[np.int8], Floats]:
 
 def network_of(path: Path) -> str:
     """Which network a weights file is of; raises WeightsError as `load_weights` does."""
+    return _told(path).get("network", "")
+
+
+def goes_on(path: Path) -> bool:
+    """Whether a weights file is of a network that goes on from a history; raises WeightsError as `network_of` does."""
+    return bool(json.loads(_told(path).get("sizes", "{}")).get("history"))
+
+
+def _told(path: Path) -> dict[str, str]:
     if not path.exists():
         raise WeightsError(f"{path}: no such weights file")
     try:
         with safe_open(path, "np") as file:
-            return _metadata(path, file)["network"]
-    except (SafetensorError, KeyError) as error:
+            return _metadata(path, file)
+    except SafetensorError as error:
         raise WeightsError(f"{path}: cut short or of another model ({str(error).splitlines()[0]})") from None
 
 
@@ -171,6 +180,11 @@ def load_weights(path: Path) -> Weights:
         )
     except (SafetensorError, KeyError, TypeError, json.JSONDecodeError) as error:
         raise WeightsError(f"{path}: cut short or of another model ({str(error).splitlines()[0]})") from None
+
+
+def weights_path(name: str) -> Path:
+    """The weights file `name`, or that of a generator in the tree."""
+    return Path(name) if Path(name).suffix == ".safetensors" else FOLDER / f"{name}.safetensors"
 
 
 def nearest(bank: Bank, sentence: Floats) -> list[tuple[float, int]]:

@@ -48,11 +48,12 @@ class Orders:
         self.outcomes["refused"] += 1
         self._tell(caller, Told(id, "refused", why[:1000]))
 
-    def add(self, caller: Caller, say: Say) -> None:
+    def add(self, caller: Caller, say: Say) -> Order:
         """Take a prompt."""
         order = Order(self.new_number(), caller, say)
         self._tell(caller, Told(say.id, "queued", f"{len(self._all)} before it"))
         self._all[order.number] = order
+        return order
 
     def get(self, number: int) -> Order | None:
         """The order of that number; None where it was dropped since."""

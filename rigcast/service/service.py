@@ -8,20 +8,16 @@ from __future__ import annotations
 
 import secrets
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from drivers.clock import Ticker
-from drivers.control import Look, Rest, RigStatus, Say, Status, Told
+from drivers.control import Rest, Say, Status, Told
 from drivers.frame import State
 from drivers.publisher import TOO_LATE_NS, Caller, Publisher
 from drivers.samples import CLOSING_FRAMES, frame_at, hello_for
 from retarget.rig import Rig
-from rigcast.service.lease import Lease
+from rigcast.service.desk import Desk, Settings
 from rigcast.service.making import Cut, Made, Make
-from rigcast.service.orders import MOST, Orders
 from rigcast.service.player import IDLE, Part, Player, part_of
 from rigcast.service.workshop import Workshop
 
@@ -29,17 +25,7 @@ NS = 1_000_000_000
 LATE_NS = 1_000_000
 AHEAD = 2  # passed motions that wait to be played; more of them would only be older
 LEAD_S = (0.4, 4.0)  # how far ahead a motion is cut: as long as the gate needs, by the last time
-LEAVE_S = 8.0
 NOT_WORTH_S = 1.5  # a motion that ends within so long is not cut short: that takes as long
-
-
-@dataclass(frozen=True)
-class Settings:
-    """`rate_hz` frames a second; a sender has the rig for `lease_s` s after the last motion that was its own."""
-
-    rate_hz: float = 50.0
-    lease_s: float = 10.0
-    generator: str = ""
 
 
 class Service:
@@ -58,15 +44,13 @@ class Service:
         self._rig, self._publisher, self._settings, self._clock = rig, publisher, settings, clock
         self._maker, self._cutter = maker, cutter
         self._player = Player(idle, rig)
-        self._orders = Orders(publisher.tell)
-        self._lease = Lease(settings.lease_s)
+        self._desk = Desk(rig.name, publisher, settings, clock)
+        self._orders = self._desk.orders
         self._shown: Part | None = None
         self._cutting: tuple[Part, float] | None = None  # which part, and at which second of it
         self._lead_s = LEAD_S[0]
         self._cut_asked_ns = 0
         self._hurry = False  # what plays has to give way, also where nothing waits
-        self._unwell = ""
-        self._leaving = False
         self._stream, self._seq, self._next_ns = secrets.randbits(32), 0, clock.now_ns()
         self._samples, self._at = self._player.next()
         self.counts: Counter[str] = Counter(frames=0, late=0, cuts=0, cuts_rejected=0)
@@ -79,7 +63,7 @@ class Service:
     @property
     def over(self) -> bool:
         """Whether the rig is at rest after `leave`, or was stopped since."""
-        return self._leaving and bool(self._publisher.stopped or self._player.left_s <= 0)
+        return self._desk.leaving and bool(self._publisher.stopped or self._player.left_s <= 0)
 
     def cycle(self) -> None:
         """Wait until the next frame is due, send it, and see to what has come meanwhile."""
@@ -90,17 +74,16 @@ class Service:
         self.counts["late"] += now - self._next_ns > LATE_NS
         self._send()
         self._publisher.states()
-        for caller, request in self._publisher.requests():
-            self._answer(caller, request, now)
-        if len(self._orders):
-            self._lease.keep(now)
-        self._look_after_rigs()
+        for caller, request in self._desk.requests(self.status):
+            self._answer(caller, request)
+        if self._desk.fell_ill():
+            self._let_go(self._desk.unwell)
         self._make()
         self._cut(now)
 
     def leave(self, why: str) -> None:
         """Take nothing more, and lead what plays back to rest."""
-        self._leaving = self._hurry = True
+        self._desk.leaving = self._hurry = True
         self._let_go(why)
 
     def finish(self) -> None:
@@ -110,38 +93,7 @@ class Service:
 
     def status(self, id: str = "") -> Status:
         """How things stand."""
-        now, part = self._clock.now_ns(), self._player.part
-        playing = self._orders.get(part.number)
-        return Status(
-            id=id,
-            rig=self._rig.name,
-            generator=self._settings.generator,
-            mode=self._mode(bool(playing)),
-            reason=self._unwell,
-            playing=playing.say.text if playing else "",
-            left_s=self._player.left_s if playing else 0.0,
-            waiting=self._orders.texts(),
-            owner=self._lease.owner(now),
-            rigs=tuple(
-                RigStatus(
-                    member.state.rig,
-                    member.sender,
-                    member.state.mode,
-                    member.state.reason,
-                    (now - member.heard_ns) / NS,
-                    member.offset.seconds,
-                    min(member.offset.error_s, 1e9),
-                )
-                for member in self._publisher.roster
-            ),
-        )
-
-    def _mode(self, playing: bool) -> Literal["idle", "playing", "resting", "stopped"]:
-        if self._publisher.stopped:
-            return "stopped"
-        if self._unwell:
-            return "resting"
-        return "playing" if playing else "idle"
+        return self._desk.status(id, self._orders.get(self._player.part.number), self._player.left_s)
 
     def _send(self, state: State = State.PLAY) -> None:
         due = self._next_ns
@@ -173,39 +125,16 @@ class Service:
         if (order := self._orders.get(part.number)) is not None:
             self._orders.came_to(order, "playing")
         if not part.final:
-            self._hurry = self._leaving
+            self._hurry = self._desk.leaving
 
-    def _answer(self, caller: Caller, request: Say | Rest | Look, now: int) -> None:
-        name = caller.name or "somebody"
-        if isinstance(request, Look):
-            self._publisher.tell(caller, self.status(request.id))
-            return
-        objection = self._objection(name, request, now)
-        if objection:
-            self._orders.refuse(caller, request.id, objection)
-            return
-        self._lease.give(name, now)
+    def _answer(self, caller: Caller, request: Say | Rest) -> None:
         if isinstance(request, Rest):
-            self._publisher.roster.forget_unwell()
-            self._let_go(f"{name} asked for rest")
+            self._let_go(f"{caller.name} asked for rest")
             self._publisher.tell(caller, Told(request.id, "resting"))
             return
         if request.replace:
-            self._let_go(f"{name} asked for {request.text[:100]!r} instead", but_what_plays=True)
-        self._orders.add(Caller(caller.key, name), request)
-
-    def _objection(self, name: str, request: Say | Rest, now: int) -> str:
-        if self._leaving:
-            return "the service is ending"
-        if self._publisher.stopped:
-            return f"{self._unwell}; start the service again at its machine"
-        if objection := self._lease.objection(name, now):
-            return objection
-        if isinstance(request, Rest):
-            return ""
-        if self._unwell:
-            return f"{self._unwell}; start its driver again at the rig, or go on without it by asking for rest"
-        return f"{len(self._orders)} prompts are waiting; at most {MOST} do" if len(self._orders) >= MOST else ""
+            self._let_go(f"{caller.name} asked for {request.text[:100]!r} instead", but_what_plays=True)
+        self._orders.add(caller, request)
 
     def _let_go(self, why: str, *, but_what_plays: bool = False) -> None:
         """Drop what was asked for; what plays goes on until it can give way."""
@@ -215,14 +144,6 @@ class Service:
         self._player.waiting.clear()
         self._orders.drop(why, keep=playing if but_what_plays else None)
         self._hurry = self._hurry or (playing is not None and not but_what_plays)
-
-    def _look_after_rigs(self) -> None:
-        """Nobody goes on with a rig that has tripped: back to rest, and nothing new until it is well again."""
-        stopped = self._publisher.stopped
-        unwell = f"stopped: {stopped}" if stopped else self._publisher.roster.unwell()
-        if unwell and not self._unwell:
-            self._let_go(unwell)
-        self._unwell = unwell
 
     def _make(self) -> None:
         if self._maker.busy:
@@ -275,23 +196,6 @@ class Service:
         shorter = part_of(of.number, Path(made.path), made.report_id, self._settings.rate_hz)
         self.counts["cuts"] += self._player.give_way(shorter, of, at_s)
         Path(made.path).unlink(missing_ok=True)
-
-
-def run(service: Service, caught: Callable[[], int], each_second: Callable[[], None], clock: Ticker) -> None:
-    """Go on until a signal was caught; then lead back to rest, for `LEAVE_S` at most or until a second signal."""
-    next_ns = end_ns = 0
-    while not service.over and caught() < 2:
-        service.cycle()
-        now = clock.now_ns()
-        if now >= next_ns:
-            next_ns = now + NS
-            each_second()
-        if caught() and not end_ns:
-            end_ns = now + int(LEAVE_S * NS)
-            service.leave("the service is ending")
-        if end_ns and now > end_ns:
-            break
-    service.finish()
 
 
 def idle_part(made: Made, rate_hz: float) -> Part:
