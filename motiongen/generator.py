@@ -106,7 +106,8 @@ def list_generators() -> dict[str, str]:
     """Generators by name, and a line on each."""
     return {
         "mdm": "text to motion by diffusion (MDM, decoder form), trained on motion capture and gestures",
-        "motiondiffuse": "the same by another network (MotionDiffuse): efficient attention, estimates of the noise",
+        "free": "the same network, trained only on motion that may be used commercially",
+        "motiondiffuse": "text to motion by another network (MotionDiffuse), of efficient attention",
         "diffusionphase": "text to periodic phases by diffusion (DiffusionPhase): any length without falling off",
         "live": "MDM that goes on from what was done last: motion without end that answers at once (say --live)",
         "gestures": "hand-written gestures found by their names: nod, clap three times, bow 30 degrees; no weights",
