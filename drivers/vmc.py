@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.osc import Argument, Message, bundle
+from drivers.people import Person
 from motiongen.motion import SMPL_JOINTS, Motion, Skeleton
 from motiongen.rotation import Array, quat_mul, quat_rotate
 from motiongen.smpl import SMPL_SKELETON
@@ -39,14 +39,6 @@ SHORTEST, LONGEST = 0.01, 2.0  # m, of the bone of a limb: what is shorter was n
 
 class VmcError(ValueError):
     """Messages that cannot be a person's bones; one line says why."""
-
-
-@dataclass(frozen=True)
-class Person:
-    """Where a person is: the pelvis at `pos` (3,) m in the world, `turns` (22, 4) as a frame of a `Motion`."""
-
-    pos: Array
-    turns: Array
 
 
 # --- out
@@ -88,8 +80,10 @@ class Performer:
         """The bones that are needed and have never come."""
         return tuple(bone for bone in NEEDED if bone not in self._turn)
 
-    def take(self, messages: Iterable[Message]) -> Person | None:
-        """The pose that `messages` make whole, None where they make none; others than bones and root are ignored.
+    def take(self, messages: Iterable[Message], at_ns: int) -> Person | None:
+        """The pose that `messages`, which came at `at_ns`, make whole, None where they make none.
+
+        Others than bones and root are ignored.
 
         Raises VmcError where a number is missing or senseless; nothing of them counts then.
         """
@@ -109,7 +103,7 @@ class Performer:
         if self._awaited:
             return None
         self._awaited = set(NEEDED)
-        return self._person()
+        return self._person(at_ns)
 
     def skeleton(self) -> Skeleton:
         """The performer's proportions, as far as they were told, else those of SMPL; of a whole pose.
@@ -132,13 +126,13 @@ class Performer:
                 offsets[j] = SMPL_SKELETON.offsets[j]
         return Skeleton(SMPL_JOINTS, SMPL_SKELETON.parents, offsets, SMPL_SKELETON.foot_height)
 
-    def _person(self) -> Person:
+    def _person(self, at_ns: int) -> Person:
         turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(SMPL_JOINTS), 1))
         for bone, turn in self._turn.items():
             turns[SMPL_JOINTS.index(BONES[bone])] = turn
         pos, turn = self._root
         turns[0] = quat_mul(turn, turns[0])
-        return Person(pos + quat_rotate(turn, self._pos["Hips"]), turns)
+        return Person(at_ns, pos + quat_rotate(turn, self._pos["Hips"]), turns)
 
 
 def _place(args: tuple[Argument, ...]) -> tuple[Array, Array]:

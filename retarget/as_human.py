@@ -59,7 +59,7 @@ def as_human(body: Body, qpos: Array, fps: float) -> Motion:
 
 
 def _followers(body: Body, qpos: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-    """By human joint: place (T, 3) of its follower, and turn (T, 4) in the world, the identity where that is at rest."""
+    """By human joint: place (T, 3) of its follower; turn (T, 4) in the world, the identity where that is at rest."""
     data = mujoco.MjData(body.model)
     place = {f.human: np.empty((len(qpos), 3)) for f in body.rig.follow}
     turn = {f.human: np.empty((len(qpos), 4)) for f in body.rig.follow}

@@ -62,7 +62,7 @@ def test_others_read_bones_in_the_world_of_unity() -> None:
 def test_what_was_told_comes_back() -> None:
     clip, performer = turning(), Performer()
     for k in range(len(clip)):
-        people = [performer.take(messages_in(data)) for data in datagrams(clip, k, 0.1 * k)]
+        people = [performer.take(messages_in(data), k) for data in datagrams(clip, k, 0.1 * k)]
         assert people[:-1] == [None]
         np.testing.assert_allclose(people[-1].pos, clip.root_pos[k], atol=1e-6)
         sign = np.sign((people[-1].turns * clip.joint_quat[k]).sum(-1, keepdims=True))
@@ -75,7 +75,7 @@ def test_a_pose_is_whole_once_all_that_is_needed_has_come_one_by_one() -> None:
     performer = Performer()
     for _ in range(2):
         for bone in NEEDED:
-            person = performer.take(messages_in(spoken(bone, *STILL)))
+            person = performer.take(messages_in(spoken(bone, *STILL)), 0)
             assert (person is not None) == (bone == NEEDED[-1])
     assert performer.skeleton() is SMPL_SKELETON  # nobody said how long the bones are
 
@@ -84,15 +84,17 @@ def test_bones_that_are_missing_are_named() -> None:
     performer = Performer()
     for bone in NEEDED:
         if bone not in ("LeftHand", "Spine"):
-            assert performer.take(messages_in(spoken(bone, *STILL))) is None
+            assert performer.take(messages_in(spoken(bone, *STILL)), 0) is None
     assert performer.missing == ("Spine", "LeftHand")
 
 
 def test_the_root_carries_the_hips() -> None:
     performer = Performer()
-    performer.take(messages_in(spoken("root", 1.0, 0.0, 0.0, 0.0, S, 0.0, S)))  # a quarter to the right, 1 m to the right
+    performer.take(
+        messages_in(spoken("root", 1.0, 0.0, 0.0, 0.0, S, 0.0, S)), 0
+    )  # a quarter to the right, 1 m to the right
     for bone in NEEDED:
-        person = performer.take(messages_in(spoken(bone, 0.0, 1.0 if bone == "Hips" else 0.0, 0.5, 0, 0, 0, 1)))
+        person = performer.take(messages_in(spoken(bone, 0.0, 1.0 if bone == "Hips" else 0.0, 0.5, 0, 0, 0, 1)), 0)
     np.testing.assert_allclose(person.pos, [0, -1.5, 1.0], atol=1e-6)  # 0.5 m ahead of a root that looks right
     np.testing.assert_allclose(person.turns[0], [S, 0, 0, -S], atol=1e-6)
 
@@ -114,7 +116,7 @@ def test_the_root_carries_the_hips() -> None:
 def test_a_senseless_bone_is_one_clear_line_and_nothing_of_it_counts(args: tuple, words: str) -> None:
     performer = Performer()
     with pytest.raises(VmcError, match=words) as caught:
-        performer.take([Message(BONE, ("Spine", *STILL)), Message(BONE, args)])
+        performer.take([Message(BONE, ("Spine", *STILL)), Message(BONE, args)], 0)
     assert "\n" not in str(caught.value)
     assert performer.missing == NEEDED
 
@@ -122,6 +124,6 @@ def test_a_senseless_bone_is_one_clear_line_and_nothing_of_it_counts(args: tuple
 def test_bones_in_centimetres_are_refused() -> None:
     performer = Performer()
     for bone in NEEDED:
-        performer.take([Message(BONE, (bone, 0.0, -40.0, 0.0, 0.0, 0.0, 0.0, 1.0))])
+        performer.take([Message(BONE, (bone, 0.0, -40.0, 0.0, 0.0, 0.0, 0.0, 1.0))], 0)
     with pytest.raises(VmcError, match="40 m long; VMC is in metres"):
         performer.skeleton()
