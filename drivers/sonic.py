@@ -38,8 +38,8 @@ class SonicError(ValueError):
 
 @dataclass(frozen=True)
 class Sonic:
-    """N frames, 50 a second: `index` (N,) since the stream began, `pos` (N, 29) rad in MuJoCo's order, and `quat` (N, 4)
-    w x y z, the pelvis' orientation in the world.
+    """N frames, 50 a second: `index` (N,) since the stream began, `pos` (N, 29) rad in MuJoCo's order; `quat` (N, 4) w
+    x y z, the pelvis' orientation in the world.
     """
 
     index: NDArray[np.int64]

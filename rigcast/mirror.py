@@ -64,7 +64,7 @@ def mirror(
     from drivers.publisher import Publisher, require_free
     from drivers.samples import hello_for
     from drivers.signals import caught_signals
-    from motiongen.motion import Label, Source
+    from motiongen.motion import Source
     from retarget.trajectory import Trajectory
     from rigcast.mirroring import FPS, Line, Mirror
     from rigcast.performers import telling
@@ -76,14 +76,7 @@ def mirror(
     clock, playlist, news = MonotonicClock(), Playlist(), News()
     with Inbox(source, clock, sender=sender, insecure=insecure) as inbox:
         line, origin = Line(load_rig(rig, model), mount), Source(f"mirror {source}")
-        still = Trajectory(
-            line.rest_pose[None],
-            FPS,
-            line.rig.name,
-            line.rig.joint_names(),
-            labels=(Label(0, 0, "mirror"),),
-            source=origin,
-        )
+        still = Trajectory(line.rest_pose[None], FPS, line.rig.name, line.rig.joint_names(), source=origin)
         rest = Row(line.rest_pose, report_id(still, line.rig, line.mount), "rest")
         maker = Mirror(telling(source), inbox, line, playlist, origin, clock, news)
         hello = hello_for(still, line.rig, rest.report_id, secrets.randbits(32))
@@ -126,8 +119,8 @@ def play(
     ended: Callable[[], bool],
     clock: Ticker,
 ) -> tuple[Counter[str], str]:
-    """Stream `playlist`, which `maker` fills in a thread, until `ended`, then lead the rig to rest; hold where nothing is
-    to be played. Returns how many frames went out, how many of them late, and why it ended before its time.
+    """Stream `playlist`, which `maker` fills in a thread, until `ended`, then lead the rig to rest; hold where nothing
+    is to be played. Returns how many frames went out, how many of them late, and why it ended before its time.
 
     Raises what `maker` raised.
     """
