@@ -14,7 +14,6 @@ from test_stream import FakeClock
 
 from drivers.endpoint import StreamError
 from drivers.sonic import HEADER_BYTES
-from rigcast.__main__ import main
 from rigcast.bridge import Moment, _sonic, line, run
 
 RIG = small_rig()
@@ -101,11 +100,3 @@ def test_sonic_messages_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
         assert decoded(ear.recv())["frame_index"].tolist() == [5]
     with ExitStack() as stack, pytest.raises(StreamError, match="--insecure"):
         _sonic(stack, "tcp://*:5999", RIG, insecure=False)
-
-
-def test_mistakes_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    for args, words in ((["bridge"], "bridge to whom?"), (["bridge", "--sonic", free_address()], "unitree_g1")):
-        assert main(args) == 2
-        said = capsys.readouterr().err
-        assert words in said
-        assert said.count("\n") == 1
