@@ -84,7 +84,7 @@ def bridge(
         if vmc is not None:
             outs.append(_vmc(stack, vmc, body))
         receiver = stack.enter_context(
-            Receiver(endpoint, rig_hash=body.hash, keys=keys, leader=leader, insecure=insecure)
+            Receiver(endpoint, rig_hash=body.hash, rig=body.name, keys=keys, leader=leader, insecure=insecure)
         )
         caught = stack.enter_context(caught_signals())
         told = run(receiver, outs, lambda: bool(caught), MonotonicClock())

@@ -1,4 +1,4 @@
-"""`rigcast bridge` and `rigcast mirror` as the commands they are, with readers and senders of others at the far ends."""
+"""`rigcast bridge` and `rigcast mirror` as the commands they are, with readers and senders of others at their ends."""
 
 from __future__ import annotations
 

@@ -346,6 +346,26 @@ def test_hello_stop_and_state_travel_on_their_own_sockets():
             assert "enough" in late.watchdog.reason
 
 
+def test_a_receiver_for_another_rig_follows_nothing_and_names_both():
+    address = free_address()
+    other = replace(RIG, name="other", joints=tuple(replace(j, upper=1.6) for j in RIG.joints))
+    assert other.hash != RIG.hash
+    with (
+        Publisher(hello_for(swing(RIG), RIG, REPORT, 1), address) as publisher,
+        Receiver(address, rig_hash=other.hash, rig=other.name, preview=True) as receiver,
+    ):
+
+        def refused():
+            publisher.send(a_frame(receiver.gate.refused["rig"], time.monotonic_ns()))
+            receiver.poll(time.monotonic_ns())
+            return receiver.gate.refused["rig"] and receiver.hello
+
+        until(refused)
+        names = f"the rig 'small' ({RIG.hash:016x}); this one is 'other' ({other.hash:016x})"
+        assert receiver.trouble == f"the stream is for {names}"
+        assert (receiver.gate.accepted, receiver.watchdog.mode) == (0, "waiting")
+
+
 def test_foreign_bytes_on_every_socket_are_counted_and_harmless():
     address = free_address()
     at = endpoints(address)
