@@ -60,17 +60,18 @@ def as_human(body: Body, qpos: Array, fps: float) -> Motion:
 
 def _followers(body: Body, qpos: Array) -> tuple[dict[str, Array], dict[str, Array]]:
     """By human joint: place (T, 3) of its follower; turn (T, 4) in the world, the identity where that is at rest."""
-    data = mujoco.MjData(body.model)
-    place = {f.human: np.empty((len(qpos), 3)) for f in body.rig.follow}
-    turn = {f.human: np.empty((len(qpos), 4)) for f in body.rig.follow}
+    data, follow = mujoco.MjData(body.model), body.rig.follow
+    place, turn = np.empty((len(follow), len(qpos), 3)), np.empty((len(follow), len(qpos), 4))
+    at = [data.site(f.body) if is_site(body.model, f.body) else data.body(f.body) for f in follow]
     for k, row in enumerate(qpos):
         data.qpos[:] = row
         mujoco.mj_kinematics(body.model, data)
-        for f in body.rig.follow:
-            at = data.site(f.body) if is_site(body.model, f.body) else data.body(f.body)
-            place[f.human][k] = at.xpos
-            mujoco.mju_mat2Quat(turn[f.human][k], at.xmat.ravel())
-    return place, {name: quat_mul(found, quat_conj(body.rest.turn[name])) for name, found in turn.items()}
+        for i, frame in enumerate(at):
+            place[i, k] = frame.xpos
+            mujoco.mju_mat2Quat(turn[i, k], frame.xmat.ravel())
+    names = [f.human for f in follow]
+    turned = quat_mul(turn, quat_conj(np.stack([body.rest.turn[name] for name in names]))[:, None])
+    return dict(zip(names, place, strict=True)), dict(zip(names, turned, strict=True))
 
 
 def _turned(name: str, carrier: Array, body: Body, place: dict[str, Array], turn: dict[str, Array]) -> Array:
