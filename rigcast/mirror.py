@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from drivers.frame import Frame, State
     from drivers.publisher import Publisher
     from rigcast.mirroring import Mirror
-    from rigcast.playlist import Playlist, Row
+    from rigcast.service.playlist import Playlist, Row
 
 NS = 1_000_000_000
 LATE_NS = 1_000_000
@@ -68,7 +68,7 @@ def mirror(
     from retarget.trajectory import Trajectory
     from rigcast.mirroring import FPS, Line, Mirror
     from rigcast.performers import telling
-    from rigcast.playlist import Playlist, Row
+    from rigcast.service.playlist import Playlist, Row
     from sim.checks import report_id
 
     keys = keys_for(endpoints(endpoint), insecure=insecure)

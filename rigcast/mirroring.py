@@ -22,7 +22,7 @@ from retarget.rig import Mount, Rig
 from retarget.streaming import Progress, Stream, advance, open_stream
 from retarget.trajectory import Trajectory
 from rigcast.performers import Telling
-from rigcast.playlist import Playlist, Row
+from rigcast.service.playlist import Playlist, Row
 from sim.ahead import Gate
 from sim.checks import report_id
 

@@ -18,7 +18,7 @@ from motiongen.rotation import axis_angle_to_quat
 from retarget.rig import Rig, load_rig
 from rigcast.mirroring import FPS, SILENT_S, START, Line, Mirror
 from rigcast.performers import OfBones
-from rigcast.playlist import Playlist
+from rigcast.service.playlist import Playlist
 from sim.report import Check
 
 MS = 1_000_000
