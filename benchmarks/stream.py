@@ -237,6 +237,7 @@ def deadlines(seconds: float, busy: int) -> dict[str, float]:
             burner.kill()
             burner.wait()
     return {
+        "load": os.getloadavg()[0],  # processes that wanted to run, this one and `busy` among them
         "late_per_100000": 1e5 * float(np.mean(np.array(late) > 1.0)),
         "p50_ms": float(np.percentile(late, 50)),
         "p99_ms": float(np.percentile(late, 99)),
