@@ -29,6 +29,7 @@ from sim.checks import report_id
 FPS = 50.0  # frames a second on the wire
 BLOCK = 10  # frames that are judged at once: 0.2 s
 LOOK_AHEAD_S = 0.1  # that retargeting sees of what comes
+EACH = 2  # frames of each of its solutions
 START = 20  # frames that are there before the first of them goes out: they make up for blocks that come late
 SILENT_S = 0.3  # as for a rig: without a good pose for so long, nobody is there any more
 NS = 1_000_000_000
@@ -40,7 +41,8 @@ class Line:
     def __init__(self, rig: Rig, mount: Mount | None = None) -> None:
         self.rig = rig
         self.mount: Mount = rig.mount if mount is None else mount
-        self._open(SMPL_SKELETON)
+        self._stream, self._opened = self._opened_for(SMPL_SKELETON)
+        self._progress = self._opened
         self._gate = Gate(rig, self._stream.nominal, FPS, self.mount)
         self._moment = self._rested = self._gate.begin()
         self._way = self.rest_pose[None, :][:0]
@@ -60,7 +62,8 @@ class Line:
         """The frames that `motion` adds (none at first: a few are looked at ahead), and why the gate refuses them, ""
         where they have passed."""
         if motion.skeleton is not self._stream.skeleton:
-            self._open(motion.skeleton)
+            self._stream, self._opened = self._opened_for(motion.skeleton)
+            self._progress = self._opened
         self._progress, streamed = advance(self._stream, self._progress, motion)
         if not len(streamed.qpos):
             return [], ""
@@ -77,13 +80,8 @@ class Line:
         self._moment, self._way = self._rested, self._way[:0]
         self._progress = self._opened
 
-    def _open(self, skeleton: Skeleton) -> None:
-        self._stream: Stream
-        self._opened: Progress
-        self._stream, self._opened = open_stream(
-            self.rig, skeleton, FPS, mount=self.mount, fps=FPS, look_ahead=LOOK_AHEAD_S
-        )
-        self._progress = self._opened
+    def _opened_for(self, skeleton: Skeleton) -> tuple[Stream, Progress]:
+        return open_stream(self.rig, skeleton, FPS, mount=self.mount, fps=FPS, look_ahead=LOOK_AHEAD_S, each=EACH)
 
 
 class Mirror:
