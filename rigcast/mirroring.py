@@ -58,12 +58,14 @@ class Line:
         """To rest from the end of all that was made; none where it is at rest."""
         return tuple(Row(row, self._way_id, "rest") for row in self._way)
 
+    def begin(self, skeleton: Skeleton) -> None:
+        """At rest, with somebody of these proportions."""
+        self._stream, self._opened = self._opened_for(skeleton)
+        self._progress = self._opened
+
     def make(self, motion: Motion) -> tuple[list[Row], str]:
         """The frames that `motion` adds (none at first: a few are looked at ahead), and why the gate refuses them, ""
         where they have passed."""
-        if motion.skeleton is not self._stream.skeleton:
-            self._stream, self._opened = self._opened_for(motion.skeleton)
-            self._progress = self._opened
         self._progress, streamed = advance(self._stream, self._progress, motion)
         if not len(streamed.qpos):
             return [], ""
@@ -105,7 +107,7 @@ class Mirror:
         self._source, self._clock, self._tell = source, clock, tell
         self._skeleton = SMPL_SKELETON
         self._steady: Steady | None = None  # while somebody is there
-        self._began_ns = self._heard_ns = self._posed_ns = 0
+        self._began_ns = self._heard_ns = self._posed_ns = self._from_ns = 0
         self._early: list[Row] = []  # until there are START of them
         self._playing = False
         self.counts: Counter[str] = Counter(poses=0, passed=0, refused=0, late=0, senseless=0)
@@ -150,19 +152,24 @@ class Mirror:
         try:
             people = self._telling.hear(heard)
             if people and self._steady is None:
-                self._skeleton = self._telling.skeleton()
+                self._begin(heard.sender)
         except ValueError as error:
             self.counts["senseless"] += 1
             self._tell("senseless", str(error))
             return
-        if people and self._steady is None:
-            self._steady = Steady(FPS)
-            self._tell("begun", f"{heard.sender} is mirrored")
+        self.counts["poses"] += len(people)
         for person in people:
-            self.counts["poses"] += 1
-            self._posed_ns = heard.at_ns
-            if self._steady is not None:
+            if self._steady is not None and person.at_ns >= self._from_ns:
+                self._posed_ns = heard.at_ns
                 self._steady.put(person)
+
+    def _begin(self, sender: str) -> None:
+        """Somebody is there. What comes while the rig is made ready is left out: it would be shown late for good."""
+        self._skeleton = self._telling.skeleton()
+        self._line.begin(self._skeleton)
+        self._steady, self._from_ns = Steady(FPS), self._clock.now_ns()
+        self._posed_ns = self._from_ns
+        self._tell("begun", f"{sender} is mirrored")
 
     def _make(self, motion: Motion) -> None:
         rows, why = self._line.make(motion)
