@@ -43,7 +43,7 @@ def mirror(
     sender: Annotated[str, arg(metavar="IP")] = "",
     insecure: bool = False,
 ) -> int:
-    """Stream what somebody shows, half a second later, as far as the gate lets it pass, until Ctrl-C.
+    """Stream what somebody shows, while they show it, as far as the gate lets it pass, until Ctrl-C.
 
     Whoever falls silent, or shows what the gate refuses, has the rig go to rest and hold there until poses come again.
 

@@ -32,7 +32,7 @@ from retarget.rig import Rig, load_rig
 from rigcast.__main__ import main
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-LONG_S = 60.0
+LONG_S = 120.0
 
 
 @contextmanager
