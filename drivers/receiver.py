@@ -26,7 +26,7 @@ TEND_EVERY_NS = 100_000_000
 
 
 class Receiver:
-    """Receives a stream for the rig with `rig_hash`; a context manager, used from one thread.
+    """Receives a stream for the rig with `rig_hash`, named `rig`; a context manager, used from one thread.
 
     `gate` counts what was refused, `watchdog` knows the mode, `roster` what the rigs on this stream have told the
     publisher; `preview` is for what only draws (see `Gate`). `run`: 32 random bits, for the states that it sends.
@@ -41,6 +41,7 @@ class Receiver:
         address: str = DEFAULT,
         *,
         rig_hash: int,
+        rig: str = "another",
         preview: bool = False,
         patience: Patience | None = None,
         buffer_s: float = 0.0,
@@ -57,6 +58,7 @@ class Receiver:
         self.roster = Roster()
         self.run = secrets.randbits(32)
         self.hello: Hello | None = None
+        self._rig, self._rig_hash = rig, rig_hash
         self._at = endpoints(address)
         require_guarded(self._at, keys, insecure)
         self._curve = None if keys is None else Curve(keys.secret, server=keys.leader(leader))
@@ -74,7 +76,18 @@ class Receiver:
     @property
     def trouble(self) -> str:
         """Why the publisher and we do not understand each other, in one line; "" where we do or nobody is there."""
-        return self._frames.trouble or self._stop.trouble or ("" if self._state is None else self._state.trouble)
+        lines = (line for line in (self._frames, self._stop, self._state) if line is not None)
+        return next((line.trouble for line in lines if line.trouble), "") or self._foreign
+
+    @property
+    def _foreign(self) -> str:
+        told = self.hello
+        if told is None or told.rig_hash == self._rig_hash:
+            return ""
+        theirs, ours = (
+            f"{name!r} ({hash:016x})" for name, hash in ((told.rig, told.rig_hash), (self._rig, self._rig_hash))
+        )
+        return f"the stream is for the rig {theirs}; this one is {ours}"
 
     def poll(self, now_ns: int) -> Frame | None:
         """The newest frame that came since the last call and was accepted; never waits.

@@ -1,10 +1,10 @@
-"""`rigcast bridge`: a stream in the forms that others read: lines of JSON, messages for GEAR-SONIC."""
+"""`rigcast bridge`: a stream in the forms that others read: lines of JSON, messages for GEAR-SONIC, bones as VMC."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -46,6 +46,7 @@ def bridge(
     model: Path | None = None,
     lines: bool = False,
     sonic: Annotated[str | None, arg(metavar="ADDRESS")] = None,
+    vmc: Annotated[str | None, arg(metavar="HOST:PORT")] = None,
     leader: str = "",
     insecure: bool = False,
 ) -> int:
@@ -60,6 +61,7 @@ def bridge(
         model: The rig's MJCF, where it is not where the rig looks for it.
         lines: A line of JSON each on stdout: index, seq, report_id, root (m, quaternion w x y z), joints (rad) by name.
         sonic: Messages of GEAR-SONIC, version 1, published on this address, such as tcp://127.0.0.1:5566.
+        vmc: A person's bones by the Virtual Motion Capture protocol to this address, such as 127.0.0.1:39539.
         leader: Name of the key that is followed (see `rigcast keys`); by default the only one that may lead.
         insecure: Use no keys, though other machines reach ENDPOINT or ADDRESS.
     """
@@ -69,8 +71,8 @@ def bridge(
     from drivers.receiver import Receiver
     from drivers.signals import caught_signals
 
-    if not lines and sonic is None:
-        raise StreamError("bridge to whom? say --lines or --sonic ADDRESS")
+    if not lines and sonic is None and vmc is None:
+        raise StreamError("bridge to whom? say --lines, --sonic ADDRESS or --vmc HOST:PORT")
     body = load_rig(rig, model)
     keys = keys_for(endpoints(endpoint), insecure=insecure, leader=leader)
     with ExitStack() as stack:
@@ -79,8 +81,10 @@ def bridge(
             outs.append(lambda moment: print(json.dumps(line(moment, body)), flush=True))
         if sonic is not None:
             outs.append(_sonic(stack, sonic, body, insecure))
+        if vmc is not None:
+            outs.append(_vmc(stack, vmc, body))
         receiver = stack.enter_context(
-            Receiver(endpoint, rig_hash=body.hash, keys=keys, leader=leader, insecure=insecure)
+            Receiver(endpoint, rig_hash=body.hash, rig=body.name, keys=keys, leader=leader, insecure=insecure)
         )
         caught = stack.enter_context(caught_signals())
         told = run(receiver, outs, lambda: bool(caught), MonotonicClock())
@@ -134,5 +138,31 @@ def _sonic(stack: ExitStack, address: str, rig: Rig, insecure: bool) -> Callable
 
     def tell(moment: Moment) -> None:
         socket.send(sonic_message(moment.index, moment.pos[None], moment.vel[None], moment.root[None, 3:]))
+
+    return tell
+
+
+def _vmc(stack: ExitStack, address: str, rig: Rig) -> Callable[[Moment], None]:
+    """Sends datagrams to `address`. Raises StreamError where it is none, RigError where the model cannot be had."""
+    import socket
+
+    from drivers.vmc import datagrams
+    from retarget.as_human import as_human, body_of
+
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise StreamError(f"address {address!r}: give HOST:PORT, such as 127.0.0.1:39539")
+    body = body_of(rig)
+    mouth = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    try:
+        mouth.connect((host, int(port)))
+    except OSError as error:
+        raise StreamError(f"address {address!r}: {error.strerror}") from None
+
+    def tell(moment: Moment) -> None:
+        person = as_human(body, np.concatenate([moment.root, moment.pos])[None], RATE_HZ)
+        for data in datagrams(person, 0, moment.index / RATE_HZ):
+            with suppress(OSError):  # nobody listens there yet
+                mouth.send(data)
 
     return tell

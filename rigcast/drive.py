@@ -43,7 +43,7 @@ def drive(
     body = load_rig(rig)
     keys = keys_for(endpoints(endpoint), insecure=insecure, leader=leader)
     with Receiver(
-        endpoint, rig_hash=body.hash, buffer_s=buffer, keys=keys, leader=leader, insecure=insecure
+        endpoint, rig_hash=body.hash, rig=body.name, buffer_s=buffer, keys=keys, leader=leader, insecure=insecure
     ) as receiver:
         print(f"{rig} on {port} listens on {endpoint}", file=sys.stderr, flush=True)
         driven = driving.run(body, port, receiver, how, lambda: receiver.trouble)

@@ -57,7 +57,9 @@ def view(
     if endpoint.endswith(RECORDED):
         return _show(body, recorded(Path(endpoint), body), on, port, film, seconds)
     keys = keys_for(endpoints(endpoint), insecure=insecure, leader=leader)
-    with Receiver(endpoint, rig_hash=body.hash, preview=True, keys=keys, leader=leader, insecure=insecure) as receiver:
+    with Receiver(
+        endpoint, rig_hash=body.hash, rig=body.name, preview=True, keys=keys, leader=leader, insecure=insecure
+    ) as receiver:
         return _show(body, following(receiver), on, port, film, seconds)
 
 

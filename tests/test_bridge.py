@@ -13,8 +13,7 @@ from test_buffer import FakeReceiver
 from test_stream import FakeClock
 
 from drivers.endpoint import StreamError
-from drivers.sonic import HEADER_BYTES, ISAAC_ORDER, require_g1, sonic_message
-from rigcast.__main__ import main
+from drivers.sonic import HEADER_BYTES
 from rigcast.bridge import Moment, _sonic, line, run
 
 RIG = small_rig()
@@ -67,25 +66,6 @@ def decoded(message: bytes) -> dict[str, np.ndarray]:
     return found
 
 
-def test_a_sonic_message_holds_what_its_readers_look_for() -> None:
-    rng = np.random.default_rng(1)
-    pos, vel, quat = rng.normal(size=(3, 29)), rng.normal(size=(3, 29)), np.tile([1.0, 0, 0, 0], (3, 1))
-    found = decoded(sonic_message(70, pos, vel, quat))
-    assert list(found) == ["joint_pos", "joint_vel", "body_quat", "frame_index"]
-    np.testing.assert_array_equal(found["joint_pos"][:, PLACE_IN_ISAAC], pos.astype(np.float32))
-    np.testing.assert_array_equal(found["joint_vel"][:, PLACE_IN_ISAAC], vel.astype(np.float32))
-    np.testing.assert_array_equal(found["body_quat"], quat)
-    assert found["frame_index"].tolist() == [70, 71, 72]
-    assert sorted(ISAAC_ORDER) == list(range(29))
-
-
-def test_sonic_is_for_g1_and_for_this_machine() -> None:
-    with pytest.raises(StreamError, match="rig 'small' has others"):
-        require_g1(RIG)
-    with pytest.raises(StreamError, match=r"positions \(1, 3\)"):
-        sonic_message(0, np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 4)))
-
-
 def test_a_bridge_tells_what_a_rig_would_do_and_nothing_while_there_is_nothing() -> None:
     clock = FakeClock()
     receiver, moments = FakeReceiver((0.4, 1.2)), []
@@ -120,11 +100,3 @@ def test_sonic_messages_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
         assert decoded(ear.recv())["frame_index"].tolist() == [5]
     with ExitStack() as stack, pytest.raises(StreamError, match="--insecure"):
         _sonic(stack, "tcp://*:5999", RIG, insecure=False)
-
-
-def test_mistakes_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    for args, words in ((["bridge"], "bridge to whom?"), (["bridge", "--sonic", free_address()], "unitree_g1")):
-        assert main(args) == 2
-        said = capsys.readouterr().err
-        assert words in said
-        assert said.count("\n") == 1

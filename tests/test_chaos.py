@@ -138,6 +138,19 @@ def test_a_publisher_that_freezes_is_killed_and_starts_again(tmp_path):
     assert len({line["frame"][0] for line in account.cycles if line["frame"]}) == 2
 
 
+def test_a_rig_that_was_frozen_for_a_moment_goes_on(tmp_path):
+    address = free_address()
+    with rig(address, tmp_path / "rig") as (child, account), publishing(address):
+        account.wait_for_mode("following", cycles=10)
+        child.send_signal(signal.SIGSTOP)
+        time.sleep(1.0)
+        child.send_signal(signal.SIGCONT)
+        account.wait_for_mode("following", cycles=10)
+    check(account)
+    now = [line["now"] for line in account.cycles]
+    assert np.diff(now).max() > 0.5 * NS  # it was
+
+
 def test_a_rig_that_was_frozen_too_long_does_not_go_on(tmp_path):
     address = free_address()
     with rig(address, tmp_path / "rig", safe_s=0.8) as (child, account), publishing(address):

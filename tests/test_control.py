@@ -6,6 +6,7 @@ import os
 import random
 import socket
 import time
+from collections import Counter
 from contextlib import contextmanager, suppress
 
 import msgspec
@@ -20,9 +21,11 @@ from drivers.control import Look, Rest, Say, Status, Told, request_in
 from drivers.endpoint import StreamError, endpoints
 from drivers.frame import FrameError
 from drivers.messages import RigState, Stop, pack
+from drivers.metrics import rendered
 from drivers.publisher import MOST_REQUESTS_PER_S, publish
 from drivers.receiver import Receiver
 from drivers.sockets import Curve
+from rigcast.service.figures import figures
 
 PHONE, SCREEN = pair(), pair()
 HOST = knowing(DESK, pi=(PI, "follow control"), phone=(PHONE, "say"), screen=(SCREEN, "follow"))
@@ -184,6 +187,29 @@ def test_fuzzed_messages_are_counted_and_leave_nothing_behind():
         assert len(os.listdir("/proc/self/fd")) < files + 10  # not one for each message
         mouth.send(pack(Stop("still here")))
         until(lambda: send.publisher.requests() or send.publisher.stopped)
+
+
+def test_what_is_turned_away_is_in_the_figures():
+    address = free_address()
+    control = endpoints(address).control
+    ours, strange = Curve(PI.secret, server=DESK.public), Curve(STRANGER.secret, server=DESK.public)
+    status = Status("", "small", "", "idle", "", "", 0.0, (), "", ())
+    with (
+        sending(HOST, address) as send,
+        sockets((zmq.DEALER, control, ours), (zmq.DEALER, control, strange)) as [noisy, stranger],
+    ):
+
+        def shown() -> dict[str, float]:
+            send.publisher.requests()
+            page = rendered(figures(status, send.publisher, Counter(), {}, 0))
+            lines = [line.partition("} ") for line in page.splitlines() if line.startswith("rigcast_refused_total{")]
+            return {why.partition('"')[2].rstrip('"'): float(count) for why, _, count in lines}
+
+        for _ in range(5):
+            noisy.send(b"\x93NUMPY")
+        with suppress(zmq.Again):
+            stranger.send(pack(Look("a")), zmq.NOBLOCK)
+        until(lambda: time.sleep(0.02) or (shown().get("message") == 5 and shown().get("stranger", 0) > 0))
 
 
 def test_a_stream_without_a_service_ends_at_a_stop_and_at_a_rig_that_trips():

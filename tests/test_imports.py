@@ -47,6 +47,7 @@ VERBS = (
     "serve",
     "send",
     "bridge",
+    "mirror",
     "train",
     "watching",
     "driving",
