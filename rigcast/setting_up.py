@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
 from retarget.rig import Rig, load_rig
 from rigcast import driving, show
+
+if TYPE_CHECKING:
+    from drivers.servos.wiggle import Answer
 
 Port = Annotated[str, arg(metavar="PORT")]
 
@@ -24,17 +27,20 @@ def wiggle(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -> i
         rig: Name of the rig that is on the bus, or path of its folder.
         joint: Only these, by default all; only all of them let the rig be driven.
     """
+    from drivers.halts import yes_or_no
     from drivers.servos.wiggle import wiggle as move
     from drivers.trust import Trust, fingerprint, remember
 
     body = load_rig(rig)
     joints = joint or tuple(s.joint for s in body.servos)
 
-    def ask(name: str, way: int) -> bool:
-        return _yes(f"{name}: {_seen(body, name, way)} – did it?")
-
     bus, clock = driving.bus_on(port, body, gentle=True)
-    with bus:
+    with bus, yes_or_no() as answer:
+
+        def ask(name: str, way: int) -> Answer:
+            print(f"{name}: {_seen(body, name, way)} – did it? [y/n]", file=sys.stderr, flush=True)
+            return answer
+
         wrong = move(body, bus, joints, ask, clock)
     for name in wrong:
         show.warn(f"{name} turns the wrong way: rigcast bus calibrate --port {port} --rig {rig} --joint {name}")
@@ -113,14 +119,3 @@ def _seen(rig: Rig, joint: str, way: int) -> str:
     except ModuleNotFoundError:
         return f"{'forwards, to larger' if way > 0 else 'backwards, to smaller'} angles"
     return way_of(rig, joint, way)
-
-
-def _yes(question: str) -> bool:
-    print(f"{question} [y/n] ", end="", file=sys.stderr, flush=True)
-    while True:
-        answer = sys.stdin.readline()
-        if not answer:
-            raise ValueError("wiggle waits for y or n, and its input has ended")
-        if answer.strip().lower()[:1] in ("y", "n"):
-            return answer.strip().lower().startswith("y")
-        print("y or n? ", end="", file=sys.stderr, flush=True)
