@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import random
-import subprocess
 import sys
 import time
 from dataclasses import asdict, dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 
 from makes import MAKES, rig_of
 
@@ -54,10 +56,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="under a minute on one core")
     parser.add_argument("--json", action="store_true", help="one JSON document")
     parser.add_argument("--gate", action="store_true", help="exit 1 where the target is missed")
-    parser.add_argument("--drive", nargs=2, metavar=("PROTOCOL", "PORT"), help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.drive:
-        return drive(*options.drive)
     rows = []
     for protocol in [options.only] if options.only else MAKES:
         rows.append(killed(protocol, QUICK_TIMES if options.quick else TIMES))
@@ -74,29 +73,34 @@ def main() -> int:
 
 def killed(protocol: str, times: int) -> Row:
     """Kill so many drivers of one make of servo; each time is told on stderr. Exits where most do not start."""
+    processes = multiprocessing.get_context("forkserver")  # Drivers do not inherit the emulator.
     took: list[float] = []
     deaths: list[float] = []
     never = lost = 0
     while len(took) < times:
+        hears, tells = processes.Pipe(duplex=False)
         with Emulator(rig_of(protocol)) as emulator:
-            command = [sys.executable, __file__, "--drive", protocol, emulator.port]
-            with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as driver:
-                if driver.stdout is None or driver.stdout.readline() != "on\n":
-                    lost += 1  # Too busy a machine: it said why, and is limp.
-                    if lost > times:
-                        raise SystemExit(f"{protocol}: {lost} drivers did not get as far as moving the servos")
-                    continue
-                time.sleep(random.uniform(0.0, 0.1))
-                limp_s, death_s = kill(driver, emulator)
-                took.append(limp_s)
-                deaths.append(death_s)
-                never += any(emulator.torque().values())
-                print(f"{protocol} {len(took)}: limp in {limp_s * 1e3:.0f} ms", file=sys.stderr, flush=True)
-                time.sleep(LAST_WORDS_S)
+            driver = processes.Process(target=drive, args=(protocol, emulator.port, tells))
+            driver.start()
+            tells.close()
+            try:
+                hears.recv()
+            except EOFError:
+                lost += 1  # Too busy a machine: it said why, and is limp.
+                if lost > times:
+                    raise SystemExit(f"{protocol}: {lost} drivers did not get as far as moving the servos") from None
+                continue
+            time.sleep(random.uniform(0.0, 0.1))
+            limp_s, death_s = kill(driver, emulator)
+            took.append(limp_s)
+            deaths.append(death_s)
+            never += any(emulator.torque().values())
+            print(f"{protocol} {len(took)}: limp in {limp_s * 1e3:.0f} ms", file=sys.stderr, flush=True)
+            time.sleep(LAST_WORDS_S)
     return Row(protocol, len(took), sorted(took)[len(took) // 2], max(took), never, max(deaths), lost)
 
 
-def kill(driver: subprocess.Popen[str], emulator: Emulator) -> tuple[float, float]:
+def kill(driver: BaseProcess, emulator: Emulator) -> tuple[float, float]:
     """Seconds until all servos are limp, GIVEN_UP_S at most, and until the driver has ended."""
     began = time.monotonic()
     driver.kill()
@@ -105,18 +109,18 @@ def kill(driver: subprocess.Popen[str], emulator: Emulator) -> tuple[float, floa
         now = time.monotonic() - began
         if not limp_s and (now > GIVEN_UP_S or not any(emulator.torque().values())):
             limp_s = time.monotonic() - began
-        if not death_s and driver.poll() is not None:
+        if not death_s and not driver.is_alive():
             death_s = time.monotonic() - began
         time.sleep(0.001)
     return limp_s, death_s
 
 
-def drive(protocol: str, port: str) -> int:
-    """Move the servos until killed."""
+def drive(protocol: str, port: str, tells: Connection) -> None:
+    """Move the servos until killed; says when it begins to."""
     with connect(rig_of(protocol), port, guarded=True) as bus:
         bus.torque(True)
         start = bus.read().position
-        print("on", flush=True)
+        tells.send("on")
         k = 0
         while True:
             k += 1
