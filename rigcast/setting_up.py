@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -81,7 +82,7 @@ def record(*, port: Port, out: Path, rig: str = "puppet", seconds: float = float
 
 
 def identify(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -> int:
-    """Measure speed, delay and friction of each joint by moving it; `say` and `play` then check motions with them.
+    """Measure speed, delay, friction and backlash of each joint by moving it; `say` and `play` then check motions with them.
 
     The rig moves fast: hang it up, and wiggle it before.
 
@@ -101,12 +102,12 @@ def identify(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) ->
     with bus:
         found = measure(body, bus, joint or tuple(s.joint for s in body.servos), clock)
     path = save_measured(body, found)
-    table = show.new_table(
-        "joint", "rad/s", "published", "delay (ms)", "friction (N·m)", title=f"{body.name} on {port}"
-    )
+    columns = ("joint", "rad/s", "published", "delay (ms)", "friction (N·m)", "backlash (°)")
+    table = show.new_table(*columns, title=f"{body.name} on {port}")
     for name, m in found.items():
         published = next(j.no_load_speed for j in body.joints if j.name == name)
-        table.add_row(name, f"{m.no_load_speed:.2f}", f"{published:.2f}", f"{m.delay * 1e3:.0f}", f"{m.friction:.3f}")
+        figures = (m.no_load_speed, published, m.delay * 1e3, m.friction, math.degrees(m.backlash))
+        table.add_row(name, *map("{:.{}f}".format, figures, (2, 2, 0, 3, 1)))
     show.console().print(table)
     print(f"written to {path}")
     return 0
