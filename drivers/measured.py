@@ -11,13 +11,12 @@ The file is `<config>/rigcast/measured/<rig>.toml`; see `calibration.py` for `<c
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from drivers.bus import BusError
-from drivers.calibration import unit_path
+from drivers.calibration import unit_path, unit_tables
 from motiongen.files import replacing
 from retarget.rig import Rig
 
@@ -36,14 +35,8 @@ class Measured:
 def load_measured(rig: Rig) -> dict[str, Measured]:
     """What was measured of joints of `rig`; empty where nothing was. Raises BusError where the file is wrong."""
     path = unit_path("measured", rig.name)
-    try:
-        entries = tomllib.loads(path.read_text())
-    except FileNotFoundError:
-        return {}
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BusError(f"{path}: {error}") from None
     out = {}
-    for joint, entry in entries.items():
+    for joint, entry in unit_tables(path).items():
         if joint not in rig.joint_names():
             raise BusError(f"{path}: no joint {joint!r} in rig {rig.name!r}; it has {', '.join(rig.joint_names())}")
         try:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional, arg
+from tyro.conf import Positional, UseAppendAction, arg
 
 from retarget.rig import load_rig
 from retarget.shown import cannot_show
@@ -27,9 +27,9 @@ class OnBus:
     """In place of MODEL: move each servo on this port and ask what it turns; a model of capsules is made of that."""
     answers: Annotated[Path | None, arg(metavar="FILE")] = None
     """With --from-bus: ask and move nothing, all is told here (docs/rigs.md); each such session leaves answers.toml."""
-    protocol: tuple[str, ...] = ()
+    protocol: UseAppendAction[tuple[str, ...]] = ()
     """With --from-bus: look for these only; dynamixel2, dynamixel1, feetech, lx16a."""
-    baud: tuple[int, ...] = ()
+    baud: UseAppendAction[tuple[int, ...]] = ()
     """With --from-bus: only at these rates."""
     highest_id: int = 252
     """With --from-bus: ask ids from 0 to this one."""

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import arg
+from tyro.conf import UseAppendAction, arg
 
 from retarget.rig import Rig, load_rig
 from rigcast import driving, show
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Port = Annotated[str, arg(metavar="PORT")]
 
 
-def wiggle(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -> int:
+def wiggle(*, port: Port, rig: str = "puppet", joint: UseAppendAction[tuple[str, ...]] = ()) -> int:
     """Move each joint a little, with 30 % of the torque, and ask whether it went the right way; nothing drives before.
 
     Exit 1 where one went the wrong way: `rigcast bus calibrate` puts it right.
@@ -35,11 +35,13 @@ def wiggle(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -> i
     body = load_rig(rig)
     joints = joint or tuple(s.joint for s in body.servos)
 
+    # All of it before: a bus that falls silent, while a model loads, is let go by its guard.
+    seen = {(name, way): _seen(body, name, way) for name in joints for way in (1, -1)}
     bus, clock = driving.bus_on(port, body, gentle=True)
     with bus, yes_or_no() as answer:
 
         def ask(name: str, way: int) -> Answer:
-            print(f"{name}: {_seen(body, name, way)} – did it? [y/n]", file=sys.stderr, flush=True)
+            print(f"{name}: {seen[name, way]} – did it? [y/n]", file=sys.stderr, flush=True)
             return answer
 
         wrong = move(body, bus, joints, ask, clock)
@@ -81,8 +83,8 @@ def record(*, port: Port, out: Path, rig: str = "puppet", seconds: float = float
     return 0
 
 
-def identify(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -> int:
-    """Measure speed, delay, friction and backlash of each joint by moving it; `say` and `play` then check motions with them.
+def identify(*, port: Port, rig: str = "puppet", joint: UseAppendAction[tuple[str, ...]] = ()) -> int:
+    """Measure speed, delay, friction and backlash of each joint by moving it; motions are then checked with them.
 
     The rig moves fast: hang it up, and wiggle it before.
 
@@ -101,7 +103,6 @@ def identify(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) ->
     bus, clock = driving.bus_on(port, unlimited(body))
     with bus:
         found = measure(body, bus, joint or tuple(s.joint for s in body.servos), clock)
-    path = save_measured(body, found)
     columns = ("joint", "rad/s", "published", "delay (ms)", "friction (N·m)", "backlash (°)")
     table = show.new_table(*columns, title=f"{body.name} on {port}")
     for name, m in found.items():
@@ -109,7 +110,10 @@ def identify(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) ->
         figures = (m.no_load_speed, published, m.delay * 1e3, m.friction, math.degrees(m.backlash))
         table.add_row(name, *map("{:.{}f}".format, figures, (2, 2, 0, 3, 1)))
     show.console().print(table)
-    print(f"written to {path}")
+    if port == driving.EMULATED:
+        print("not written: an emulated bus is no unit of the rig")
+    else:
+        print(f"written to {save_measured(body, found)}")
     return 0
 
 
