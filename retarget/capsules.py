@@ -95,9 +95,22 @@ def puppet_of(bus: Bus, parts: tuple[Part, ...]) -> Puppet:
         ordered += ready
     puppet = Puppet(bus, tuple(ordered))
     for part in parts:
+        if part.limits[1] - part.limits[0] > reach(part.model):
+            raise RigError(f"{part.joint}: limits are wider than the {reach_text(part.model)} of a {part.model.name}")
         if (part.tip is None) != bool(puppet.children(part.joint)):
             raise RigError(f"{part.joint}: a joint that carries no other has a tip, one that does has none")
     return puppet
+
+
+def reach(model: ServoModel) -> float:
+    """From the first to the last position of a servo, rad."""
+    first, last = model.ticks
+    return (last - first) / model.ticks_per_turn * 2 * math.pi
+
+
+def reach_text(model: ServoModel) -> str:
+    """The same in degrees."""
+    return f"{math.degrees(reach(model)):.0f}°"
 
 
 def answers(puppet: Puppet) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 if TYPE_CHECKING:
     from drivers.servos.setup import Found
     from retarget.capsules import Puppet
+    from retarget.servos import ServoModel
 
 T = TypeVar("T")
 Ask = Callable[[str], str]
@@ -57,15 +58,16 @@ def described(found: Sequence[Found], move: Move, ask: Ask) -> Puppet:
     from retarget.servos import servo_models
     from retarget.table import RigError
 
-    ways: dict[int, int] = {}
     names: dict[int, str] = {}
+    axes: dict[int, str] = {}
     for servo in found:
-        name = ""
+        name, way = "", 1
         while not name:
-            ways[servo.id] = move(servo.id)
+            way = move(servo.id)
             question = f"servo {servo.id} ({servo.model}): which joint was it, such as left_elbow? (Enter: once more)"
             name = _answer(ask, question, lambda text: _new_name(text, [BASE, *names.values()]))
-        names[servo.id] = name
+        axis = _choice(ask, f"{name}: about which axis did it turn first, by the right-hand rule?", tuple(AXES))
+        names[servo.id], axes[servo.id] = name, axis if way > 0 else _turned(axis)
     parents = {}
     for ident, name in names.items():
         carriers = (BASE, *(n for n in names.values() if n != name))
@@ -73,15 +75,18 @@ def described(found: Sequence[Found], move: Move, ask: Ask) -> Puppet:
     parts = []
     for servo in found:
         name = names[servo.id]
-        axis = _choice(ask, f"{name}: about which axis did it turn first, by the right-hand rule?", tuple(AXES))
-        if ways[servo.id] < 0:
-            axis = axis.removeprefix("-") if axis.startswith("-") else f"-{axis}"
+        axis = axes[servo.id]
         at = _answer(ask, f"{name}: where is it, from {_called(parents[servo.id])}? (such as 0 0.05 -0.1)", _point)
-        limits = _answer(ask, f"{name}: how far may it turn about {axis}, in degrees? (such as -90 45)", _degrees)
+        model = servo_models()[servo.model]
+        limits = _answer(
+            ask,
+            f"{name}: how far may it turn about {axis}, in degrees? (such as -90 45)",
+            lambda text, most=model: _degrees(text, most),  # type: ignore[misc]
+        )
         tip: Point | None = None
         if name not in parents.values():
             tip = _answer(ask, f"{name}: where does what it moves end, from the joint? (such as 0 0 -0.1)", _point)
-        parts.append(Part(servo.id, servo_models()[servo.model], name, parents[servo.id], axis, at, limits, tip))
+        parts.append(Part(servo.id, model, name, parents[servo.id], axis, at, limits, tip))
     try:
         return puppet_of(Bus("main", found[0].protocol, found[0].baud), tuple(parts))
     except RigError as problem:
@@ -118,6 +123,10 @@ class _Wrong(Exception):
     """What was answered cannot be."""
 
 
+def _turned(axis: str) -> str:
+    return axis.removeprefix("-") if axis.startswith("-") else f"-{axis}"
+
+
 def _called(parent: str) -> str:
     return "the middle of the base" if parent == "base" else parent
 
@@ -147,8 +156,12 @@ def _point(text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _degrees(text: str) -> tuple[float, float]:
+def _degrees(text: str, model: ServoModel) -> tuple[float, float]:
+    from retarget.capsules import reach, reach_text
+
     lower, upper = _numbers(text, 2)
-    if not -360 <= lower <= 0 <= upper <= 360 or lower == upper:
+    if not lower <= 0 <= upper or lower == upper:
         raise _Wrong(f"{text!r}: from at most 0 to at least 0, for the pose it has now is 0")
+    if math.radians(upper - lower) > reach(model):
+        raise _Wrong(f"{text!r}: a {model.name} turns by {reach_text(model)}")
     return math.radians(lower), math.radians(upper)

@@ -130,7 +130,8 @@ def test_slips_are_told_and_asked_again(puppet, capsys):
     person = Person(
         moved,
         [("servo 19", ""), ("servo 20", "head_pan"), ("servo 20", "Head Tilt!"), ("carries", "tail"), ("axis", "up"),
-         ("where is it", "0 5"), ("where is it", "0 5 0"), ("how far", "10 20"), ("how far", "-10 x")],
+         ("where is it", "0 5"), ("where is it", "0 5 0"), ("how far", "10 20"), ("how far", "-10 x"),
+         ("how far", "-300 300")],
     )  # fmt: skip
     assert described(FOUND, move, person) == puppet
     assert moved[:3] == [19, 19, 20]
@@ -211,6 +212,7 @@ def test_servos_that_make_no_rig(found, says):
         ("tip = [0, 0, 0.08]", "", "head_tilt: a joint that carries no other has a tip"),
         ('axis = "z"', 'axis = "up"', "axis = 'up' should be one of x, "),
         ("limits = [-45, 30]", "limits = [30, -45]", r"limits = \[30, -45\] should be"),
+        ("limits = [-45, 30]", "limits = [-345, 30]", "head_tilt: limits are wider than the 360° of a XL430-W250"),
         ('protocol = "dynamixel2"', 'protocol = "feetech"', "model XL430-W250 speaks dynamixel2, the bus feetech"),
         ("baud =", "bauds =", "key 'baud' is missing"),
     ],

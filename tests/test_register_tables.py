@@ -12,7 +12,8 @@ BOTH = {
     "min_voltage_limit": (12, 1), "max_voltage_limit": (13, 1), "max_torque": (14, 2), "status_return_level": (16, 1),
     "alarm_led": (17, 1), "shutdown": (18, 1), "torque_enable": (24, 1), "led": (25, 1), "goal_position": (30, 2),
     "moving_speed": (32, 2), "torque_limit": (34, 2), "present_position": (36, 2), "present_speed": (38, 2),
-    "present_load": (40, 2), "present_input_voltage": (42, 1), "present_temperature": (43, 1), "registered_instruction": (44, 1),
+    "present_load": (40, 2), "present_input_voltage": (42, 1), "present_temperature": (43, 1),
+    "registered_instruction": (44, 1),
     "moving": (46, 1), "lock": (47, 1), "punch": (48, 2),
 }  # fmt: skip
 AX = {"cw_compliance_margin": (26, 1), "ccw_compliance_margin": (27, 1),
