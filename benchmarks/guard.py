@@ -90,6 +90,8 @@ def killed(protocol: str, times: int) -> Row:
                 if lost > times:
                     raise SystemExit(f"{protocol}: {lost} drivers did not get as far as moving the servos") from None
                 continue
+            while driver.is_alive() and not all(emulator.torque().values()):
+                time.sleep(0.001)  # An SSC-32U answers nothing, so its driver moves on before the board has heard it.
             time.sleep(random.uniform(0.0, 0.1))
             limp_s, death_s = kill(driver, emulator)
             took.append(limp_s)
