@@ -66,6 +66,16 @@ def unit_path(what: str, rig: str) -> Path:
     return Path(config) / "rigcast" / what / f"{rig}.toml"
 
 
+def unit_tables(path: Path) -> dict[str, Any]:
+    """The tables of such a file by name; none where there is no file. Raises BusError where it is damaged."""
+    try:
+        return tomllib.loads(path.read_text())
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BusError(f"{path}: {error}") from None
+
+
 @dataclass(frozen=True)
 class Mark:
     """Of one joint: which way it turns when ticks grow (+1 or -1), and the ticks at its zero angle."""
@@ -105,12 +115,7 @@ def save_marks(rig: Rig, marks: Mapping[str, Mark], path: Path | None = None) ->
 
 def _entries(rig: Rig, path: Path) -> dict[str, Any]:
     """The tables of the file by joint; none where there is no file."""
-    try:
-        given = tomllib.loads(path.read_text())
-    except FileNotFoundError:
-        return {}
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BusError(f"{path}: {error}") from None
+    given = unit_tables(path)
     joints = [s.joint for s in rig.servos]
     if unknown := sorted(set(given) - set(joints)):
         raise BusError(f"{path}: no joint {unknown[0]!r} with a servo in rig {rig.name!r}; it has {', '.join(joints)}")

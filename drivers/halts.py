@@ -6,6 +6,7 @@ Each is asked in every cycle and answers why to stop, "" while there is no reaso
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import sys
 from collections.abc import Callable, Iterator
@@ -26,26 +27,51 @@ def any_key() -> Iterator[Halt]:
     if not sys.stdin.isatty():
         yield lambda: ""
         return
+    with _typed() as (ready, _):
+        yield lambda: "a key was pressed" if ready() else ""
+
+
+@contextlib.contextmanager
+def yes_or_no() -> Iterator[Callable[[], bool | None]]:
+    """Asked for the answer on stdin: True or False once y or n was typed, None until then; never waits.
+
+    Asking raises ValueError where the input has ended.
+    """
+    with _typed() as (ready, read):
+
+        def answer() -> bool | None:
+            while ready():
+                key = read()
+                if not key:
+                    raise ValueError("an answer, y or n, is awaited, and the input has ended")
+                if key in "yYnN":
+                    return key in "yY"
+            return None
+
+        yield answer
+
+
+@contextlib.contextmanager
+def _typed() -> Iterator[tuple[Callable[[], bool], Callable[[], str]]]:
+    """Whether something was typed, and what it is, key by key, "" at the end of the input."""
     try:
         import termios
         import tty
     except ImportError:  # Windows
         import msvcrt
 
-        yield lambda: "a key was pressed" if msvcrt.kbhit() else ""  # type: ignore[attr-defined]
+        yield msvcrt.kbhit, msvcrt.getwch  # type: ignore[attr-defined]
         return
-    terminal = sys.stdin.fileno()
-    before = termios.tcgetattr(terminal)
-    tty.setcbreak(terminal)  # keys come one by one; Ctrl-C still is a signal
-
-    def pressed() -> str:
-        return "a key was pressed" if select.select([terminal], [], [], 0)[0] else ""
-
+    source = sys.stdin.fileno()
+    before = termios.tcgetattr(source) if sys.stdin.isatty() else None
+    if before is not None:
+        tty.setcbreak(source)  # keys come one by one; Ctrl-C still is a signal
     try:
-        yield pressed
+        yield lambda: bool(select.select([source], [], [], 0)[0]), lambda: os.read(source, 1).decode("ascii", "replace")
     finally:
-        termios.tcflush(terminal, termios.TCIFLUSH)  # the keys were meant for us, not for the shell
-        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+        if before is not None:
+            termios.tcflush(source, termios.TCIFLUSH)  # the keys were meant for us, not for the shell
+            termios.tcsetattr(source, termios.TCSADRAIN, before)
 
 
 class ControlLines(Protocol):

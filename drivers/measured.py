@@ -6,47 +6,43 @@ The file is `<config>/rigcast/measured/<rig>.toml`; see `calibration.py` for `<c
     no_load_speed = 4.61  # rad/s
     delay = 0.021         # s from a goal to the first motion
     friction = 0.09       # N·m
+    backlash = 0.008      # rad of play in the gears
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from drivers.bus import BusError
-from drivers.calibration import unit_path
+from drivers.calibration import unit_path, unit_tables
 from motiongen.files import replacing
 from retarget.rig import Rig
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Of one joint: `no_load_speed` rad/s; `delay` s from a goal to the first motion; dry `friction` N·m."""
+    """Of one joint: `no_load_speed` rad/s; `delay` s from a goal to the first motion; dry `friction` N·m;
+    `backlash` rad of play in the gears."""
 
     no_load_speed: float
     delay: float
     friction: float
+    backlash: float
 
 
 def load_measured(rig: Rig) -> dict[str, Measured]:
     """What was measured of joints of `rig`; empty where nothing was. Raises BusError where the file is wrong."""
     path = unit_path("measured", rig.name)
-    try:
-        entries = tomllib.loads(path.read_text())
-    except FileNotFoundError:
-        return {}
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BusError(f"{path}: {error}") from None
     out = {}
-    for joint, entry in entries.items():
+    for joint, entry in unit_tables(path).items():
         if joint not in rig.joint_names():
             raise BusError(f"{path}: no joint {joint!r} in rig {rig.name!r}; it has {', '.join(rig.joint_names())}")
         try:
             out[joint] = Measured(**entry)
         except TypeError:
-            raise BusError(f"{path}: [{joint}] should have no_load_speed, delay and friction") from None
+            raise BusError(f"{path}: [{joint}] should have no_load_speed, delay, friction and backlash") from None
         if bad := [k for k, v in entry.items() if not isinstance(v, float) or not 0 <= v < 1000]:
             raise BusError(f"{path}: [{joint}] {bad[0]} = {entry[bad[0]]!r} should be a number of at least 0")
     return out
@@ -66,7 +62,7 @@ def save_measured(rig: Rig, found: Mapping[str, Measured]) -> Path:
 
 
 def as_measured(rig: Rig) -> Rig:
-    """`rig` with the speeds, friction and delay of the unit that was measured, for the simulation.
+    """`rig` with the speeds, friction, play and delay of the unit that was measured, for the simulation.
 
     Its limits, and so what a stream is planned for, stay. The delay is the longest of all joints.
     """
@@ -77,5 +73,8 @@ def as_measured(rig: Rig) -> Rig:
         replace(j, no_load_speed=found[j.name].no_load_speed, friction=found[j.name].friction) if j.name in found else j
         for j in rig.joints
     )
+    servos = tuple(
+        replace(s, model=replace(s.model, play=found[s.joint].backlash)) if s.joint in found else s for s in rig.servos
+    )
     delay = max(rig.sensors.delay, *(m.delay for m in found.values()))
-    return replace(rig, joints=joints, sensors=replace(rig.sensors, delay=delay))
+    return replace(rig, joints=joints, servos=servos, sensors=replace(rig.sensors, delay=delay))

@@ -24,6 +24,8 @@ class Motor:
 
     Within `full_error` rad of the goal the speed is proportional to the error, reaching `no_load_speed` rad/s at its
     edge; the motor's inertia, gravity and the profile's acceleration are left out. `jammed` holds the shaft still.
+    `play` rad between the stops of the gears: the shaft, which `angle` and the encoder are of, stands until the motor,
+    `slack` rad ahead of the middle between them, has come to the other one.
     """
 
     no_load_speed: float
@@ -34,6 +36,8 @@ class Motor:
     jammed: bool = False
     temperature: float | None = None
     voltage: float | None = None
+    play: float = 0.0
+    slack: float = 0.0
 
     def advance(self, dt: float, goal: float | None, max_speed: float) -> None:
         """Move for `dt` s towards `goal` rad, at most at `max_speed` rad/s; None is torque off: nothing moves.
@@ -49,6 +53,7 @@ class Motor:
         top = min(max_speed, self.no_load_speed)
         tau = self.full_error / self.no_load_speed
         error = goal - self.angle
+        dt -= self._cross(dt, max(-top, min(top, error / tau)))
         far_s = max(0.0, (abs(error) - top * tau) / top) if top > 0 else dt
         at_top = min(dt, far_s)
         error -= math.copysign(top * at_top, error)
@@ -56,3 +61,12 @@ class Motor:
         self.angle = goal - error
         self.speed = max(-top, min(top, error / tau))
         self.effort = 0.0
+
+    def _cross(self, dt: float, speed: float) -> float:
+        """Seconds of `dt` that the motor takes to its stop at `speed` rad/s, which stays while the shaft stands."""
+        left = 0.5 * self.play - math.copysign(1.0, speed) * self.slack
+        if left <= 0 or speed == 0:
+            return 0.0
+        taken = min(dt, left / abs(speed))
+        self.slack += speed * taken
+        return taken

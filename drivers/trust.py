@@ -8,13 +8,12 @@ The file is `<config>/rigcast/trust/<rig>.toml`; see `calibration.py` for `<conf
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from drivers.bus import BusError
-from drivers.calibration import Calibration, load_calibration, unit_path
+from drivers.calibration import Calibration, load_calibration, unit_path, unit_tables
 from motiongen.files import replacing
 from retarget.rig import Rig
 
@@ -64,12 +63,7 @@ def remember(rig: Rig, unit: str, trust: Trust) -> Path:
 
 def _entries(rig: Rig) -> dict[str, dict[str, Any]]:
     path = unit_path("trust", rig.name)
-    try:
-        entries = tomllib.loads(path.read_text())
-    except FileNotFoundError:
-        return {}
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BusError(f"{path}: {error}") from None
+    entries = unit_tables(path)
     for name, entry in entries.items():
         if not isinstance(entry, dict) or type(entry.get("runs")) is not int or entry["runs"] < 0:
             raise BusError(f"{path}: [{name}] should be a table with runs, a whole number from 0")

@@ -1,4 +1,4 @@
-"""A model that somebody has, MJCF or URDF, made into the folder of a rig."""
+"""A model that somebody has, MJCF or URDF, or what they say of a puppet without one, made into the folder of a rig."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import mujoco
 
 from motiongen.files import replacing
 from retarget.anatomy import read_skeleton
+from retarget.capsules import Puppet, answers, capsule_spec, guesses
 from retarget.gmr import read_gmr
 from retarget.model import read_spec
 from retarget.propose import Drive, propose
@@ -22,9 +23,7 @@ def adopt(model: Path, folder: Path, *, gmr: Path | None = None, limit: float | 
     Raises RigError where the model does not load, has no free joint, joints without limits and no `limit` (rad), or
     there is a rig already; OSError where the folder cannot be written.
     """
-    target = folder / "rig.toml"
-    if target.exists():
-        raise RigError(f"{target}: is there already; name another folder with --out")
+    target = new_rig_file(folder)
     if limit is not None and limit <= 0:
         raise RigError(f"--limit {limit:g} should be above 0 rad")
     urdf = model.suffix.lower() == ".urdf"
@@ -54,6 +53,35 @@ def adopt(model: Path, folder: Path, *, gmr: Path | None = None, limit: float | 
     with replacing(target) as unfinished:
         unfinished.write_text(proposal.toml)
     return proposal.guesses
+
+
+def adopt_puppet(puppet: Puppet, folder: Path) -> tuple[str, ...]:
+    """Write `folder`/rig.toml, model.xml and answers.toml for `puppet` and give back what was guessed, a line each.
+
+    Raises RigError where there is a rig already or MuJoCo does not take it; OSError where it cannot be written.
+    """
+    target = new_rig_file(folder)
+    spec = capsule_spec(puppet)
+    body = spec.compile()
+    drives = {
+        p.joint: Drive(p.limits, p.model.stall_torque, p.model.no_load_speed, (p.id, p.model.name))
+        for p in puppet.parts
+    }
+    proposal = propose(body, 'model = "model.xml"', drives=drives, notes=guesses(puppet), bus=puppet.bus)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "model.xml").write_text(spec.to_xml())
+    (folder / "answers.toml").write_text(answers(puppet))
+    with replacing(target) as unfinished:
+        unfinished.write_text(proposal.toml)
+    return proposal.guesses
+
+
+def new_rig_file(folder: Path) -> Path:
+    """`folder`/rig.toml; raises RigError where it is there already."""
+    target = folder / "rig.toml"
+    if target.exists():
+        raise RigError(f"{target}: is there already; name another folder with --out")
+    return target
 
 
 def _from_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, Drive]]:

@@ -22,7 +22,7 @@ from retarget.anatomy import (
     solid_geoms,
 )
 from retarget.goals import LIMBS
-from retarget.rig import Follow
+from retarget.rig import Bus, Follow
 from retarget.table import RigError
 
 SPEED_GUESS = 10.0  # rad/s, of the order of what geared motors do
@@ -33,11 +33,15 @@ WEIGHTS = {"wrist": (1.0, 0.0), "elbow": (1.0, 0.0), "knee": (0.5, 0.0), "ankle"
 
 @dataclass(frozen=True)
 class Drive:
-    """Limits (rad), torque (N·m) and no-load speed (rad/s) of a joint; what is None the model does not say."""
+    """Limits (rad), torque (N·m) and no-load speed (rad/s) of a joint; what is None the model does not say.
+
+    `servo`: id and model of the servo that turns it, where that is known.
+    """
 
     limits: tuple[float, float] | None = None
     torque: float | None = None
     speed: float | None = None
+    servo: tuple[int, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -56,10 +60,12 @@ def propose(
     limit: float | None = None,
     follow: tuple[Follow, ...] = (),
     notes: tuple[str, ...] = (),
+    bus: Bus | None = None,
 ) -> Proposal:
     """A rig file for `model`, with `where` (a line of TOML) saying where it lies.
 
-    `drives` by joint name go before what the model says; `limit` (rad, to both sides) is for joints without limits;
+    `drives` by joint name go before what the model says; with a `bus` each of them names its servo, and the rig is on a
+    stand, for nobody has balanced it yet; `limit` (rad, to both sides) is for joints without limits;
     `follow` goes before what names and geometry say, and `notes` are guesses that went into it.
 
     Raises RigError for a model without a free joint, with joints that are no hinges, or without limits and no `limit`.
@@ -76,20 +82,29 @@ def propose(
         heel, toe = _sole(skeleton, model.body(body).id)
         side = human.partition("_")[0]
         sites += [(f"{side}_heel", body, heel), (f"{side}_toe", body, toe)]
-    if not feet:
-        guesses.append("it has no feet, so it is mounted on a stand, its root fixed")
+    mount = "hung" if feet and bus is None else "stand"
+    if mount == "stand":
+        guesses.append(f"{'nobody has balanced it' if feet else 'it has no feet'}, so it is on a stand, its root fixed")
     pose = _nominal(skeleton, joints)
     height = _height(skeleton, pose, [s for s in sites if s[0].endswith(("heel", "toe"))])
     out = ["# Proposed from the model. Check it, then take this line out.", where]
-    out += [f'root = "{model.body(skeleton.root).name}"', f'mount = "{"hung" if feet else "stand"}"', ""]
+    out += [f'root = "{model.body(skeleton.root).name}"', f'mount = "{mount}"', ""]
     for name in ("nominal", "safe"):
         out += [f"[{name}]", f"height = {height:.4f}  # m", f"[{name}.joints]  # rad"]
         out += [f"{joint} = {angle:.3f}" for joint, angle in pose.items() if abs(angle) > 5e-4] + [""]
-    out += ["[sensors]", "encoders = true", "imu = true", "delay = 0.0", ""]
+    out += ["[sensors]", "encoders = true", f"imu = {'true' if bus is None else 'false'}", "delay = 0.0", ""]
+    if bus is not None:
+        out += ["[[bus]]", f'name = "{bus.name}"', f'protocol = "{bus.protocol}"', f"baud = {bus.baud}", ""]
     for joint, drive in joints.items():
         lower, upper = drive.limits or (0.0, 0.0)
-        out += ["[[joint]]", f'name = "{joint}"', f"limits = [{lower:.4f}, {upper:.4f}]"]
-        out += [f"torque = {drive.torque:.4g}", f"no_load_speed = {drive.speed:.4g}", ""]
+        limits = f"limits = [{lower:.4f}, {upper:.4f}]"
+        if bus is not None and drive.servo is not None:
+            ident, made = drive.servo
+            out += ["[[servo]]", f'joint = "{joint}"', f'bus = "{bus.name}"', f"id = {ident}", f'model = "{made}"']
+            out += [limits, ""]
+        else:
+            out += ["[[joint]]", f'name = "{joint}"', limits]
+            out += [f"torque = {drive.torque:.4g}", f"no_load_speed = {drive.speed:.4g}", ""]
     for name, body, pos in sites:
         local = skeleton.data.xmat[model.body(body).id].reshape(3, 3).T @ (pos - skeleton.data.body(body).xpos)
         out += ["[[site]]", f'name = "{name}"', f'body = "{body}"']
@@ -117,7 +132,8 @@ def _joints(s: Skeleton, drives: dict[str, Drive], limit: float | None, guesses:
             without.append(name)
             limits = (-(limit or 0.0), limit or 0.0)
         torque = given.torque or _torque(model, j)
-        out[name] = Drive((limits[0], limits[1]), torque or torque_guess, given.speed or SPEED_GUESS)
+        speed = given.speed or SPEED_GUESS
+        out[name] = Drive((limits[0], limits[1]), torque or torque_guess, speed, given.servo)
         if torque is None:
             guesses.append(f"torque of {name}: the model does not say; {torque_guess:.3g} N·m from mass and height")
     if without and limit is None:

@@ -34,7 +34,10 @@ VERBS = {
     "bus relax": ("rigcast.bus:relax", "torque off for all servos of a rig"),
     "bus calibrate": ("rigcast.bus:calibrate", "zero and direction of each joint, moved by hand"),
     "bus record": ("rigcast.setting_up:record", "a motion shown by hand, torque off, to play back"),
-    "bus identify": ("rigcast.setting_up:identify", "speed, delay and friction of each joint, for the simulation"),
+    "bus identify": (
+        "rigcast.setting_up:identify",
+        "speed, delay, friction and backlash of each joint, for the simulation",
+    ),
     "bus log": ("rigcast.bus:log", "what a drive commanded and measured, as a table"),
     "bus wiggle": ("rigcast.setting_up:wiggle", "each joint a little, gently: does it turn the right way?"),
     "demo": ("rigcast.demo:demo", "the whole line without hardware, in one table"),

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from tyro.conf import Positional, arg
+from tyro.conf import Positional, UseAppendAction, arg
 
 from retarget.rig import Mount, load_rig
 from rigcast import show
@@ -69,8 +69,8 @@ def emulate(
 def scan(
     *,
     port: Port,
-    protocol: tuple[str, ...] = (),
-    baud: tuple[int, ...] = (),
+    protocol: UseAppendAction[tuple[str, ...]] = (),
+    baud: UseAppendAction[tuple[int, ...]] = (),
     highest_id: int = 252,
     json: bool = False,
 ) -> int:
@@ -94,6 +94,8 @@ def scan(
     found = list(ask(port, protocols=protocol or tuple(FAMILIES), bauds=baud, highest_id=highest_id, told=told))
     if json:
         show.print_json([asdict(servo) for servo in found])
+    elif not found:
+        print(f"nobody answers on {port}: check power and cable, or ask for more protocols, rates and ids")
     else:
         table = show.new_table("id", "model", "protocol", "baud", title=f"{len(found)} servos on {port}")
         for servo in found:
@@ -160,7 +162,7 @@ def relax(*, port: Port, rig: str = "puppet") -> int:
     return 1 if left else 0
 
 
-def calibrate(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -> int:
+def calibrate(*, port: Port, rig: str = "puppet", joint: UseAppendAction[tuple[str, ...]] = ()) -> int:
     """Find zero and direction of each joint: torque off, you move it by hand, it is written to the rig's own file.
 
     Args:

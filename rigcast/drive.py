@@ -41,6 +41,7 @@ def drive(
     from drivers.receiver import Receiver
 
     body = load_rig(rig)
+    driving.require_port(port)
     keys = keys_for(endpoints(endpoint), insecure=insecure, leader=leader)
     with Receiver(
         endpoint, rig_hash=body.hash, rig=body.name, buffer_s=buffer, keys=keys, leader=leader, insecure=insecure

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, UseAppendAction, arg
 
 from retarget.rig import load_rig
 from retarget.shown import cannot_show
@@ -16,10 +19,27 @@ RANGE_OF_MOTION = (
 )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class OnBus:
+    """Of a puppet without a model."""
+
+    from_bus: Annotated[str | None, arg(metavar="PORT")] = None
+    """In place of MODEL: move each servo on this port and ask what it turns; a model of capsules is made of that."""
+    answers: Annotated[Path | None, arg(metavar="FILE")] = None
+    """With --from-bus: ask and move nothing, all is told here (docs/rigs.md); each such session leaves answers.toml."""
+    protocol: UseAppendAction[tuple[str, ...]] = ()
+    """With --from-bus: look for these only; dynamixel2, dynamixel1, feetech, lx16a."""
+    baud: UseAppendAction[tuple[int, ...]] = ()
+    """With --from-bus: only at these rates."""
+    highest_id: int = 252
+    """With --from-bus: ask ids from 0 to this one."""
+
+
 def new(
-    model: Positional[Path],
+    model: Positional[Path | None] = None,
     /,
     *,
+    on_bus: Annotated[OnBus, arg(name="")] = OnBus(),
     out: Path | None = None,
     gmr: Path | None = None,
     limit: float | None = None,
@@ -28,15 +48,22 @@ def new(
     """Propose a rig.toml for MODEL (.xml or .urdf), say what was guessed, and draw it beside a human in a T-pose.
 
     Args:
-        out: Folder of the new rig; by default one beside where you are, named as the model.
+        out: Folder of the new rig; by default one beside where you are, named as the model, or "puppet-of-mine".
         gmr: An ik_config of GMR that says which body follows which human joint.
         limit: Limit in rad, to both sides, for joints without one.
         picture: Draw t_pose.png into the folder.
     """
-    from retarget.adopt import adopt
+    from retarget.adopt import adopt, new_rig_file
 
-    folder = Path(model.stem) if out is None else out
-    guesses = adopt(model, folder, gmr=gmr, limit=limit)
+    if (model is None) == (on_bus.from_bus is None):
+        raise ValueError("give a MODEL, or --from-bus PORT for a puppet that has none")
+    if on_bus.from_bus is not None and (gmr is not None or limit is not None):
+        raise ValueError("--gmr and --limit are for a MODEL")
+    if on_bus.from_bus is None and on_bus != OnBus():
+        raise ValueError("--answers, --protocol, --baud and --highest-id go with --from-bus")
+    folder = out or Path("puppet-of-mine" if model is None else model.stem)
+    new_rig_file(folder)
+    guesses = adopt(model, folder, gmr=gmr, limit=limit) if model is not None else _from_bus(on_bus, folder)
     for guess in guesses:
         print(f"guessed: {guess}")
     print(f"wrote {folder / 'rig.toml'}")
@@ -47,7 +74,26 @@ def new(
         pair = (load_rig(folder.resolve()), load_rig("humanoid"))
         render_side_by_side(pair, perform("t-pose"), folder / "t_pose.png", size=(480, 480))
         print(f"wrote {folder / 't_pose.png'}")
+    if on_bus.from_bus is not None:
+        on = f"--port {on_bus.from_bus} --rig {folder}"
+        print(f"next: rigcast rigs check {folder}; rigcast bus calibrate {on}; rigcast bus wiggle {on}")
     return 0
+
+
+def _from_bus(how: OnBus, folder: Path) -> tuple[str, ...]:
+    """The guesses in the rig that was made of the servos on a bus."""
+    from drivers.servos.newcomers import show as move
+    from drivers.servos.newcomers import stranger
+    from retarget.adopt import adopt_puppet
+    from rigcast import from_bus
+
+    port = how.from_bus or ""
+    found = from_bus.found_on(port, how.protocol, how.baud, how.highest_id)
+    rig = stranger(found)
+    if how.answers is not None:
+        return adopt_puppet(from_bus.told_by(how.answers, found), folder)
+    print(from_bus.START, file=sys.stderr)
+    return adopt_puppet(from_bus.described(found, lambda ident: move(rig, port, ident), from_bus.asked), folder)
 
 
 def check(name: Positional[str], /, *, model: Path | None = None, json: bool = False) -> int:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import arg
+from tyro.conf import UseAppendAction, arg
 
 from retarget.rig import Rig, load_rig
 from rigcast import driving, show
 
+if TYPE_CHECKING:
+    from drivers.servos.wiggle import Answer
+
 Port = Annotated[str, arg(metavar="PORT")]
 
 
-def wiggle(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -> int:
+def wiggle(*, port: Port, rig: str = "puppet", joint: UseAppendAction[tuple[str, ...]] = ()) -> int:
     """Move each joint a little, with 30 % of the torque, and ask whether it went the right way; nothing drives before.
 
     Exit 1 where one went the wrong way: `rigcast bus calibrate` puts it right.
@@ -24,17 +28,22 @@ def wiggle(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -> i
         rig: Name of the rig that is on the bus, or path of its folder.
         joint: Only these, by default all; only all of them let the rig be driven.
     """
+    from drivers.halts import yes_or_no
     from drivers.servos.wiggle import wiggle as move
     from drivers.trust import Trust, fingerprint, remember
 
     body = load_rig(rig)
     joints = joint or tuple(s.joint for s in body.servos)
 
-    def ask(name: str, way: int) -> bool:
-        return _yes(f"{name}: {_seen(body, name, way)} – did it?")
-
+    # All of it before: a bus that falls silent, while a model loads, is let go by its guard.
+    seen = {(name, way): _seen(body, name, way) for name in joints for way in (1, -1)}
     bus, clock = driving.bus_on(port, body, gentle=True)
-    with bus:
+    with bus, yes_or_no() as answer:
+
+        def ask(name: str, way: int) -> Answer:
+            print(f"{name}: {seen[name, way]} – did it? [y/n]", file=sys.stderr, flush=True)
+            return answer
+
         wrong = move(body, bus, joints, ask, clock)
     for name in wrong:
         show.warn(f"{name} turns the wrong way: rigcast bus calibrate --port {port} --rig {rig} --joint {name}")
@@ -74,8 +83,8 @@ def record(*, port: Port, out: Path, rig: str = "puppet", seconds: float = float
     return 0
 
 
-def identify(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) -> int:
-    """Measure speed, delay and friction of each joint by moving it; `say` and `play` then check motions with them.
+def identify(*, port: Port, rig: str = "puppet", joint: UseAppendAction[tuple[str, ...]] = ()) -> int:
+    """Measure speed, delay, friction and backlash of each joint by moving it; motions are then checked with them.
 
     The rig moves fast: hang it up, and wiggle it before.
 
@@ -94,15 +103,17 @@ def identify(*, port: Port, rig: str = "puppet", joint: tuple[str, ...] = ()) ->
     bus, clock = driving.bus_on(port, unlimited(body))
     with bus:
         found = measure(body, bus, joint or tuple(s.joint for s in body.servos), clock)
-    path = save_measured(body, found)
-    table = show.new_table(
-        "joint", "rad/s", "published", "delay (ms)", "friction (N·m)", title=f"{body.name} on {port}"
-    )
+    columns = ("joint", "rad/s", "published", "delay (ms)", "friction (N·m)", "backlash (°)")
+    table = show.new_table(*columns, title=f"{body.name} on {port}")
     for name, m in found.items():
         published = next(j.no_load_speed for j in body.joints if j.name == name)
-        table.add_row(name, f"{m.no_load_speed:.2f}", f"{published:.2f}", f"{m.delay * 1e3:.0f}", f"{m.friction:.3f}")
+        figures = (m.no_load_speed, published, m.delay * 1e3, m.friction, math.degrees(m.backlash))
+        table.add_row(name, *map("{:.{}f}".format, figures, (2, 2, 0, 3, 1)))
     show.console().print(table)
-    print(f"written to {path}")
+    if port == driving.EMULATED:
+        print("not written: an emulated bus is no unit of the rig")
+    else:
+        print(f"written to {save_measured(body, found)}")
     return 0
 
 
@@ -113,14 +124,3 @@ def _seen(rig: Rig, joint: str, way: int) -> str:
     except ModuleNotFoundError:
         return f"{'forwards, to larger' if way > 0 else 'backwards, to smaller'} angles"
     return way_of(rig, joint, way)
-
-
-def _yes(question: str) -> bool:
-    print(f"{question} [y/n] ", end="", file=sys.stderr, flush=True)
-    while True:
-        answer = sys.stdin.readline()
-        if not answer:
-            raise ValueError("wiggle waits for y or n, and its input has ended")
-        if answer.strip().lower()[:1] in ("y", "n"):
-            return answer.strip().lower().startswith("y")
-        print("y or n? ", end="", file=sys.stderr, flush=True)

@@ -153,6 +153,7 @@ def test_the_verbs(capsys, patient):
         assert main(renamed) == 2
         assert "no dynamixel2 servo 1 answers" in capsys.readouterr().err
         assert main(["bus", "scan", *common, "--protocol", "lx16a", "--highest-id", "1"]) == 1
+        assert "nobody answers on" in capsys.readouterr().out
         assert main(["bus", "scan", *common, "--protocol", "morse"]) == 2
 
 

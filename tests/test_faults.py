@@ -4,6 +4,7 @@ In process, on the emulated clock: the same each time, and no waiting. A cell th
 """
 
 import re
+from dataclasses import replace
 from random import Random
 from types import SimpleNamespace
 
@@ -169,11 +170,45 @@ def test_a_little_damage_is_ridden_out(noise, kind):
     assert_goals_within_limits(kind, done.wire)
 
 
-def test_damage_to_a_maestro_trips_it_and_an_ssc32_does_not_notice():
-    done = play("maestro", lambda w: setattr(w, "noise", Noise(corrupt=0.05)), seed=1)
-    assert (done.mode, done.on) == ("tripped", [])
-    assert re.search("reports: serial|no pulse", done.reason)
-    assert play("ssc32", lambda w: setattr(w, "noise", Noise(corrupt=0.05)), seed=1).mode == "safe"
+# A board answers bare bytes without a sum: what becomes of damage, by how much there is and what a Maestro says.
+DAMAGE = {
+    "corrupted": (Noise(corrupt=0.05), r"reports: serial|no pulse|no answer from the maestro"),
+    "dropped": (Noise(drop=0.05), r"reports: serial|no pulse|no answer from the maestro"),
+    "doubled": (Noise(double=0.05), r"reports: serial|no pulse|no answer from the maestro"),
+    "late": (Noise(late_s=0.015), ""),
+}
+
+
+@pytest.mark.parametrize("noise", DAMAGE)
+def test_damage_to_a_maestro_trips_it_and_an_ssc32_does_not_notice(noise):
+    damage, says = DAMAGE[noise]
+    done = play("maestro", lambda w: setattr(w, "noise", damage), seed=1)
+    assert (done.mode, done.on) == ("tripped" if says else "safe", [])
+    assert re.search(says, done.reason), done.reason
+    assert_goals_within_limits("maestro", done.wire)
+    done = play("ssc32", lambda w: setattr(w, "noise", damage), seed=1)
+    assert done.mode == "safe"
+    assert_goals_within_limits("ssc32", done.wire)
+
+
+OTHER_RATE = {
+    "dynamixel2": 57_600,
+    "dynamixel1": 500_000,
+    "feetech": 500_000,
+    "feetech scs": 500_000,
+    "maestro": 57_600,
+}
+
+
+@pytest.mark.parametrize("kind", [*OTHER_RATE, "ssc32"])
+def test_a_wrong_rate_is_told_before_anything_moves(kind):
+    """An LX-16A has one rate only."""
+    rig = rig_of(kind)
+    wire, baud = InProcess(rig), OTHER_RATE.get(kind, 9600)
+    slow = replace(rig, buses=(replace(rig.buses[0], baud=baud),))
+    with pytest.raises(BusError, match=rf"no \w+ (servo )?answers on in process at {baud} baud"), connect(slow, wire):
+        pass
+    assert wire.events("torque_enable") == wire.events("goal_position") == []
 
 
 @pytest.mark.parametrize("kind", PACKETS)

@@ -1,6 +1,6 @@
 """The first runs of a unit: nothing before somebody saw its joints turn the right way, then slowly and weakly."""
 
-import io
+import os
 from dataclasses import replace
 
 import mujoco
@@ -126,7 +126,7 @@ def test_each_joint_moves_alone_and_comes_back(kind):
 
     def ask(joint, way):
         seen.append((joint, way, [wire.get(j, "present_position") for j in "abc"]))
-        return joint != "b"
+        return lambda: joint != "b"
 
     start = [wire.get(j, "present_position") for j in "abc"]
     with connect(rig, wire) as bus:
@@ -142,13 +142,28 @@ def test_each_joint_moves_alone_and_comes_back(kind):
     assert not any(wire.torque().values())
 
 
+def test_whoever_takes_their_time_to_answer_is_waited_for_and_the_bus_is_not_silent():
+    """A guard lets go of a bus that says nothing for 0.2 s, a Dynamixel stops by itself after 0.5 s."""
+    rig = rig_of("dynamixel2")
+    wire = InProcess(rig)
+
+    def ask(joint, way):
+        until = wire.now() + 3.0
+        return lambda: True if wire.now() > until else None
+
+    with connect(rig, wire) as bus:
+        wiggle(rig, bus, "ab", ask, wire)
+        assert bus._port.silence < 0.1
+    assert wire.now() > 6.0
+
+
 @pytest.mark.parametrize("kind", PACKETS)
 def test_a_joint_that_does_not_move_is_told(kind):
     rig = rig_of(kind)
     wire = InProcess(rig)
     wire.jam("b")
     with connect(rig, wire) as bus, pytest.raises(BusError, match=r"b was told to turn by \+0.15 rad and turned by"):
-        wiggle(rig, bus, "abc", lambda joint, way: True, wire)
+        wiggle(rig, bus, "abc", lambda joint, way: lambda: True, wire)
     assert not any(wire.torque().values())
 
 
@@ -156,9 +171,9 @@ def test_near_its_limit_a_joint_goes_backwards():
     rig = rig_of("feetech")
     wire, ways = InProcess(rig, [1.45, 0.0, 0.0]), []
     with connect(rig, wire) as bus:
-        wiggle(rig, bus, "ab", lambda joint, way: not ways.append((joint, way)), wire)
+        wiggle(rig, bus, "ab", lambda joint, way: lambda: not ways.append((joint, way)), wire)
         with pytest.raises(ValueError, match="no joint 'z' with a servo in rig 'small'; it has a, b, c"):
-            wiggle(rig, bus, "z", lambda joint, way: True, wire)
+            wiggle(rig, bus, "z", lambda joint, way: lambda: True, wire)
     assert ways == [("a", -1), ("b", 1)]
 
 
@@ -247,8 +262,12 @@ def test_the_verb(answers, code, monkeypatch, capsys):
     OnWire(rig, monkeypatch)
     monkeypatch.setattr("rigcast.setting_up.load_rig", lambda name: rig)
     monkeypatch.setattr("retarget.way.way_of", lambda rig, joint, way: f"{joint} goes up")
-    monkeypatch.setattr("sys.stdin", io.StringIO(answers))
-    assert main(["bus", "wiggle", "--port", "/dev/ttyUSB0", "--rig", "small"]) == code
+    reads, writes = os.pipe()
+    os.write(writes, answers.encode())
+    os.close(writes)
+    with os.fdopen(reads) as typed:
+        monkeypatch.setattr("sys.stdin", typed)
+        assert main(["bus", "wiggle", "--port", "/dev/ttyUSB0", "--rig", "small"]) == code
     told = capsys.readouterr()
     assert "a: a goes up – did it? [y/n]" in told.err
     if code == 1:

@@ -12,7 +12,7 @@ from test_faults import Stream
 from drivers.bus import BusError
 from drivers.drive import drive
 from drivers.emulation.in_process import InProcess
-from drivers.halts import any_key, button, watch_line
+from drivers.halts import any_key, button, watch_line, yes_or_no
 from drivers.servos.connect import connect
 
 
@@ -64,6 +64,23 @@ def test_without_a_terminal_no_key_can(monkeypatch):
         monkeypatch.setattr(sys, "stdin", nothing)
         with any_key() as halt:
             assert halt() == ""
+
+
+def test_yes_or_no_is_one_key_and_nobody_waits_for_it(terminal):
+    with yes_or_no() as answer:
+        assert answer() is None
+        os.write(terminal, b"?\nN")
+        assert answer() is False
+        os.write(terminal, b"y")
+        assert answer() is True
+        assert answer() is None
+
+
+def test_yes_or_no_of_an_input_that_has_ended(monkeypatch):
+    with open(os.devnull) as nothing:
+        monkeypatch.setattr(sys, "stdin", nothing)
+        with yes_or_no() as answer, pytest.raises(ValueError, match="y or n, is awaited, and the input has ended"):
+            answer()
 
 
 def test_a_button_stops():

@@ -18,7 +18,9 @@ from drivers.bus import BusError
 from drivers.servos.guard_process import CHUNK, READY, Orders
 from drivers.servos.port import Serial
 
-SILENCE_S = 0.4  # shorter than the servos' own watchdog, which stops them but keeps their torque
+# On a busy machine a killed process waits for its turn to die, and only then its connection ends: this bounds how long
+# the rig waits with it. Ten cycles of a drive, and less than the servos' own watchdog, which keeps their torque.
+SILENCE_S = 0.2
 LAST_WORDS_S = 3.0
 
 

@@ -61,12 +61,8 @@ def main() -> int:
         return 1
     with contextlib.closing(port), socket.create_server(("127.0.0.1", 0)) as server:
         print(f"{READY}{server.getsockname()[1]}", flush=True)
-        driver = _driver(server, orders.token)
-        try:
-            cause = _relay(driver, port, orders.silence_s)
-        finally:
-            driver.close()  # From here on the driver cannot switch anything on again.
-            told = _switch_off(port, bytes.fromhex(orders.off))
+        with contextlib.closing(_driver(server, orders.token)) as driver:
+            cause, told = _guard(driver, port, orders)
         if cause or not told:
             _complain(cause or "the driver is gone", told)
     return 0
@@ -86,24 +82,36 @@ def _driver(server: socket.socket, token: str) -> socket.socket:
         connection.close()
 
 
-def _relay(driver: socket.socket, port: Serial, silence_s: float | None) -> str:
-    """Pass bytes on until the driver's connection ends; why it was ended from this side, "" where it was not."""
+def _guard(driver: socket.socket, port: Serial, orders: Orders) -> tuple[str, bool]:
+    """Pass bytes on until the driver's connection ends, then switch off; why it was ended from this side, "" where it
+    was not, and whether the port took the bytes.
+    """
     lost: list[str] = []
     ended = threading.Event()
     back = threading.Thread(target=_answers, args=(driver, port, ended, lost), daemon=True)
     back.start()
+    try:
+        cause = _relay(driver, port, orders.silence_s)
+    finally:  # From here on nothing of the driver's is passed on: it cannot switch anything on again.
+        told = _switch_off(port, bytes.fromhex(orders.off))
+        ended.set()
+        back.join()
+    return lost[0] if lost else cause, told
+
+
+def _relay(driver: socket.socket, port: Serial, silence_s: float | None) -> str:
+    """Pass the driver's bytes on until it is gone or falls silent; what was wrong, "" where it is just gone."""
     driver.settimeout(silence_s)
     try:
         while data := driver.recv(CHUNK):
             port.write(data)
-        return lost[0] if lost else ""
     except TimeoutError:
         return f"the driver said nothing for {silence_s} s"
+    except ConnectionError:
+        return ""
     except PORT_ERRORS as error:
-        return lost[0] if lost else "" if isinstance(error, ConnectionError) else f"the port is lost: {error}"
-    finally:
-        ended.set()
-        back.join()
+        return f"the port is lost: {error}"
+    return ""
 
 
 def _answers(driver: socket.socket, port: Serial, ended: threading.Event, lost: list[str]) -> None:

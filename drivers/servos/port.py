@@ -96,6 +96,7 @@ class Port:
         self.garbled = False  # whether more came in answer to the last request than makes sense
         self._last_sent = 0.0
         self._failed: Request | None = None  # the last one, where answers to it may still come
+        self._cut_short = False  # whether bytes of the last answer that is no packet may still come
         self._awaited: tuple[bytes, Request, float] | None = None
 
     def __enter__(self) -> Port:
@@ -169,6 +170,9 @@ class Port:
         if failed is None or (failed.address, failed.size) == (request.address, request.size):
             return
         self._failed = None
+        self._wait_until_quiet(wire)
+
+    def _wait_until_quiet(self, wire: Serial) -> None:
         quiet_at = self.now() + QUIET_S
         while self.now() < quiet_at:
             if wire.read(CHUNK):
@@ -178,12 +182,15 @@ class Port:
         """Send `request` and read `size` bytes that are no packet; fewer where no more came."""
         with self._lost() as wire:
             wire.reset_input_buffer()
+            if self._cut_short:
+                self._wait_until_quiet(wire)
             self.note_silence()
             wire.write(request)
             deadline = self._last_sent + (len(request) + size) * BITS_PER_BYTE / self.baud + self._patience_s
             data = b""
             while len(data) < size and self.now() < deadline:
                 data += wire.read(size - len(data))
+        self._cut_short = len(data) < size
         return data
 
     @contextlib.contextmanager

@@ -17,7 +17,7 @@ from drivers.servos.port import Port, Wire
 from drivers.servos.pwm import Board, Maestro, Ssc32
 from retarget.rig import Rig
 
-TRIES = 3
+TRIES, OFF_TRIES = 3, 10
 BOARDS: dict[str, Board] = {"maestro": Maestro(), "ssc32": Ssc32()}
 
 
@@ -113,10 +113,10 @@ class PwmBus:
             self._send(self._goal)
             return
         problem = "they go on"
-        for _ in range(TRIES):
+        for _ in range(OFF_TRIES):
             try:
                 self._port.send(self._board.pulses(dict.fromkeys(self._channels, 0), self._speeds))
-                left = self._pulses(self._channels) if self._board.tells_off else [0]
+                left = self._pulses(self._channels, tries=1) if self._board.tells_off else [0]
             except BusError as error:
                 problem = str(error)
                 continue
@@ -130,9 +130,9 @@ class PwmBus:
         self._port.send(self._board.pulses(widths, self._speeds))
         self._goal = np.asarray(goal, float).copy()
 
-    def _pulses(self, channels: tuple[int, ...]) -> list[int] | None:
+    def _pulses(self, channels: tuple[int, ...], *, tries: int = TRIES) -> list[int] | None:
         question, size = self._board.question(channels)
-        for _ in range(TRIES):
+        for _ in range(tries):
             data = self._port.read_bytes(question, size)
             if len(data) == size:
                 return self._board.answer(data)

@@ -22,14 +22,16 @@ STRAY = 0.05  # rad that any other joint may move meanwhile
 CYCLE_S = 0.02
 SETTLE_S = 0.3
 
-Ask = Callable[[str, int], bool]
+Answer = Callable[[], bool | None]  # None until somebody has said it
+Ask = Callable[[str, int], Answer]
 
 
 def wiggle(rig: Rig, bus: ServoBus, joints: Sequence[str], ask: Ask, clock: Ticker) -> tuple[str, ...]:
     """Move each of `joints` on the open `bus` to and fro; those of which `ask` says that they went the wrong way.
 
-    `ask` gets the joint and which way it went by the rig's signs, +1 or -1 where its limit is near. The torque comes on
-    for all joints and goes off in the end. Raises BusError where a joint does not move, moves the wrong way by its own
+    `ask` gets the joint and which way it went by the rig's signs, +1 or -1 where its limit is near; what it gives back
+    is asked until it answers, the joint being held meanwhile. The torque comes on for all joints and goes off in the
+    end. Raises BusError where a joint does not move, moves the wrong way by its own
     measure, or another one moves with it, and ValueError for a joint without a servo.
     """
     for joint in joints:
@@ -47,7 +49,7 @@ def wiggle(rig: Rig, bus: ServoBus, joints: Sequence[str], ask: Ask, clock: Tick
             goal[n] += way * TURN
             there = _go(bus, rest, goal, clock)
             _check(bus.joints, n, there - rest, way)
-            right = ask(joint, way)
+            right = _hold(bus, goal, ask(joint, way), clock)
             _go(bus, goal, rest, clock)
             if not right:
                 wrong.append(joint)
@@ -66,6 +68,16 @@ def _go(bus: ServoBus, start: Array, goal: Array, clock: Ticker) -> Array:
         clock.sleep_until_ns(began + round((k + 1) * CYCLE_S * NS))
         position = bus.read().position
     return position
+
+
+def _hold(bus: ServoBus, goal: Array, answer: Answer, clock: Ticker) -> bool:
+    """Stay at `goal` until there is an answer: a bus that falls silent is let go by its guard."""
+    cycle = round(CYCLE_S * NS)
+    while (said := answer()) is None:
+        bus.write(goal)
+        clock.sleep_until_ns(clock.now_ns() + cycle)
+        bus.read()
+    return said
 
 
 def _check(joints: Sequence[str], n: int, moved: Array, way: int) -> None:
