@@ -23,7 +23,7 @@ from retarget.rig import Rig
 NS = 1_000_000_000
 STEP = 0.6  # rad
 STEP_S = 0.5
-SLOW = 0.25  # rad/s
+SLOW = 0.2  # rad/s: a cycle of it is little beside the error that friction takes
 SWEEP = 0.15  # rad to either side
 CREEP, CREEP_WAY = 0.03, 0.05  # rad/s, and rad to either side: slow, so that the rotor's inertia does not count
 FOLLOWS = 0.01  # rad: after a turn back the joint goes along again

@@ -7,6 +7,7 @@ short, and all that follow come back with it; and a motion that ends in mid-stri
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -28,6 +29,11 @@ LONGEST = 0.52  # from one foot to the other, along either one's heading
 NARROWEST, WIDEST = 0.9, 1.9  # from one foot to the other, across, over the nominal stance
 TURNS = 0.2  # rad: a foot that turns less has not stepped
 INWARD, OUTWARD = 0.2, 0.5  # rad, that a foot is turned from the other one at most
+PIVOT = 0.3  # rad: a foot that turns more while it stands is lifted in between
+# In beats, √(height / g): 0.31 s of an adult, 0.16 s of the puppet.
+SWING = 2.4  # a foot is in the air no shorter
+BOTH = 0.9  # both feet stand between two steps
+REST = 2.5  # before the first step, to bring the weight over, and after the last one
 UNHURRIED = 3.5  # beats, in which the slowest joint of a leg must be able to swing a foot over two steps
 PEAK = 15 / 8  # of the speed of minimum jerk over its mean
 EARLY = 0.25  # s: who stands this soon after the start has stood from the start
@@ -59,18 +65,20 @@ class Swing:
 class Steps:
     """Where each leg stands first, and the swings in the order in which they happen; the motion takes `frames`.
 
-    `closing`: whether the last swing is one that the motion does not have. `shortened` (m): by how much steps were cut.
+    `closing`: whether the motion does not have the swing that brings the feet together. `turning`: how many swings it
+    does not have either, that turn it as far as it should. `shortened` (m): by how much steps were cut.
     """
 
     first: tuple[Stance, ...]
     swings: tuple[Swing, ...]
     frames: int
     closing: bool
+    turning: int
     shortened: float
 
 
-def find_steps(body: Body, trajectory: Trajectory, at: Poses) -> Steps:
-    """The steps of `trajectory`, whose poses are `at`."""
+def find_steps(body: Body, trajectory: Trajectory, at: Poses, longest: float) -> Steps:
+    """The steps of `trajectory`, whose poses are `at`. Added are only such as fit into `longest` times its time."""
     frames = len(trajectory)
     flags = [
         trajectory.contacts[leg.name]
@@ -84,7 +92,10 @@ def find_steps(body: Body, trajectory: Trajectory, at: Poses) -> Steps:
     early = round(EARLY * trajectory.fps)
     stances = [_merged(body, leg, at, s, begins, begins + early) for leg, s in zip(body.legs, told, strict=True)]
     closing = _close(body, at, stances, ends, early, frames)
-    stances, shortened = _shortened(body, stances)
+    before = sum(map(len, stances))
+    lasts = max(trajectory.duration, (2 * REST + (before - len(stances)) * (SWING + BOTH)) * body.beat)
+    more = int((longest * trajectory.duration - lasts) / ((SWING + BOTH) * body.beat))
+    stances, shortened = _shortened(body, stances, more)
     swings = sorted(
         (
             Swing(i, before, after, before.end, after.start)
@@ -93,7 +104,9 @@ def find_steps(body: Body, trajectory: Trajectory, at: Poses) -> Steps:
         ),
         key=lambda swing: swing.start + swing.end,
     )
-    return Steps(tuple(mine[0] for mine in stances), tuple(swings), frames, closing, shortened)
+    return Steps(
+        tuple(mine[0] for mine in stances), tuple(swings), frames, closing, sum(map(len, stances)) - before, shortened
+    )
 
 
 def _low_and_slow(body: Body, leg: Leg, at: Poses, fps: float) -> Flags:
@@ -108,9 +121,19 @@ def _stances(leg: Leg, at: Poses, flags: Flags, shortest: int) -> list[Stance]:
     place = at.place[:, leg.body, :2]
     return [
         Stance(start, end, place[start:end].mean(0), float(yaw[start:end].mean()))
-        for start, end in runs(flags)
+        for start, end in _without_pivots(runs(flags), yaw)
         if end - start >= shortest
     ]
+
+
+def _without_pivots(stood: Iterable[tuple[int, int]], yaw: Array) -> Iterator[tuple[int, int]]:
+    """The stretches of frames in which a foot stood, cut where it has turned by `PIVOT` rad."""
+    for start, end in stood:
+        for frame in range(start, end):
+            if abs(yaw[frame] - yaw[start]) > PIVOT:
+                yield start, frame
+                start = frame
+        yield start, end
 
 
 def _merged(body: Body, leg: Leg, at: Poses, told: list[Stance], begins: int, early: int) -> list[Stance]:
@@ -153,32 +176,67 @@ def _close(body: Body, at: Poses, stances: list[list[Stance]], ends: int, early:
     return closing
 
 
-def _shortened(body: Body, stances: list[list[Stance]]) -> tuple[list[list[Stance]], float]:
-    """No step longer, wider or narrower than the legs take, and by how many metres the longest was cut."""
+def _shortened(body: Body, stances: list[list[Stance]], more: int) -> tuple[list[list[Stance]], float]:
+    """No step longer, wider, narrower or turned more than legs take, and by how many metres the longest was cut.
+
+    Steps that cannot turn as far as they should are followed by `more` of them at most, on the spot, until the feet
+    face where they should in the end.
+    """
     out = [[mine[0]] for mine in stances]
     if len(stances) != 2:
         return stances, 0.0
-    across = float(np.linalg.norm(stances[0][0].spot - stances[1][0].spot))
-    longest = _longest(body)
     shift, cut = np.zeros(2), 0.0
     landings = sorted(((s.start, i, s) for i, mine in enumerate(stances) for s in mine[1:]), key=lambda x: x[:2])
     for _, i, stance in landings:
-        other = out[1 - i][-1]
-        side = np.sign(turned(stances[i][0].spot - stances[1 - i][0].spot, -stances[1 - i][0].yaw)[1])
-        out_turn = np.clip(side * (stance.yaw - other.yaw), -INWARD, OUTWARD)
-        yaw = other.yaw + float(side * out_turn)
-        asked = turned(stance.spot + shift - other.spot, -other.yaw)
-        held = np.array(
-            [
-                np.clip(asked[0], -longest, longest),
-                side * np.clip(side * asked[1], NARROWEST * across, WIDEST * across),
-            ]
-        )
-        spot = other.spot + turned(held, other.yaw)
-        back = turned(np.array([held[0] - asked[0], 0.0]), other.yaw)
+        held, back = _held(body, stances, i, replace(stance, spot=stance.spot + shift), out[1 - i][-1])
         shift, cut = shift + back, max(cut, float(np.linalg.norm(back)))
-        out[i].append(replace(stance, spot=spot, yaw=yaw))
+        out[i].append(held)
+    if not landings:
+        return out, cut
+    foot = 1 - landings[-1][1]
+    for _ in range(more):
+        last, other = out[foot][-1], out[1 - foot][-1]
+        if max(abs(mine[-1].yaw - now[-1].yaw) for mine, now in zip(stances, out, strict=True)) < TURNS:
+            break
+        now = max(last.end, other.end)
+        out[foot][-1] = replace(last, end=now)
+        aside = turned(np.array([0.0, _side(stances, foot) * _across(stances)]), other.yaw)
+        wanted = Stance(now + 1, now + 2, other.spot + aside, stances[foot][-1].yaw)
+        out[foot].append(_held(body, stances, foot, wanted, other)[0])
+        out[1 - foot][-1] = replace(other, end=now + 2)
+        foot = 1 - foot
     return out, cut
+
+
+def _held(body: Body, stances: list[list[Stance]], foot: int, asked: Stance, other: Stance) -> tuple[Stance, Array]:
+    """`asked` as near to it as leg number `foot` gets while the other one stands on `other`; and by what it fell short
+    along the heading of that, (2,) metres.
+    """
+    side, across, longest = _side(stances, foot), _across(stances), _longest(body)
+    out_turn = float(np.clip(side * (asked.yaw - other.yaw), -INWARD, OUTWARD))
+    room = abs(np.sin(out_turn)) * float(np.ptp(body.legs[foot].sole[:, 0])) / 2  # that a turned sole takes more
+    way = turned(asked.spot - other.spot, -other.yaw)
+    held = np.array(
+        [
+            np.clip(way[0], -longest, longest),
+            side * np.clip(side * way[1], NARROWEST * across + room, WIDEST * across),
+        ]
+    )
+    spot = other.spot + turned(held, other.yaw)
+    return replace(asked, spot=spot, yaw=other.yaw + side * out_turn), turned(
+        np.array([held[0] - way[0], 0.0]), other.yaw
+    )
+
+
+def _across(stances: list[list[Stance]]) -> float:
+    """Metres from one foot to the other in the first stance."""
+    return float(np.linalg.norm(stances[0][0].spot - stances[1][0].spot))
+
+
+def _side(stances: list[list[Stance]], foot: int) -> float:
+    """1 for the left foot, -1 for the right one."""
+    first = stances[foot][0]
+    return float(np.sign(turned(first.spot - stances[1 - foot][0].spot, -stances[1 - foot][0].yaw)[1]))
 
 
 def _longest(body: Body) -> float:
