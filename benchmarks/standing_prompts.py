@@ -94,7 +94,8 @@ RUNS = (
 )
 KINDS = {"gesture": GESTURES, "step": STEPS, "walk": WALKS, "turn": TURNS, "run": RUNS}
 
-# Clips of Bandai-Namco's motion data set by kind: patterns of file names, taken in turn.
+# Real clips, 100 in all: how many of a kind, and patterns of file names in Bandai-Namco's motion data set, in turn.
+REAL = {"gesture": 40, "walk": 25, "turn": 20, "run": 15}
 CLIPS = {
     "gesture": tuple(
         f"dataset-*_{content}_*.bvh"

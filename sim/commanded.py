@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.evidence import Evidence, not_here, peak, verdict
+from sim.evidence import Array, Evidence, not_here, peak, verdict
 from sim.report import Check
 
 SUSTAINED = 99  # percentile over time: one bad frame is what joint_speed is for
@@ -35,12 +35,17 @@ def jerk(e: Evidence) -> Check:
     """Largest jerk (rad/s³) of any joint, from third differences: 99th percentile over time."""
     if len(e.trajectory) < 4:
         return verdict(e, "jerk", 0.0, None, "The motion is too short to jerk", "")
-    change = np.abs(np.diff(e.trajectory.joint_pos, n=3, axis=0)) * e.trajectory.fps**3
-    sustained = np.percentile(change, SUSTAINED, axis=0)
+    change = np.abs(np.diff(e.trajectory.joint_pos, n=3, axis=0))
+    sustained = sustained_jerk(e.trajectory.joint_pos, e.trajectory.fps)
     column = int(np.argmax(sustained))
     at, name = e.seconds(int(np.argmax(change[:, column]))), e.rig.joints[column].name
     found = f"{name} jerks most, with {sustained[column]:.0f} rad/s³, above all at {at:.2f} s"
     return verdict(e, "jerk", sustained[column], at, found, "smooth the motion")
+
+
+def sustained_jerk(angles: Array, fps: float) -> Array:
+    """(nj,) rad/s³ of `angles` (T, nj) in rad, T at least 4: 99th percentile of their third differences."""
+    return np.percentile(np.abs(np.diff(angles, n=3, axis=0)) * fps**3, SUSTAINED, axis=0)
 
 
 def body_speed(e: Evidence) -> Check:

@@ -11,7 +11,8 @@ from retarget.timeline import normalised
 from retarget.trajectory import Trajectory
 from sim.checks import judge
 from sim.mending.feet import between
-from sim.mending.mend import LONGEST, Mended, mend
+from sim.mending.mend import LONGEST, mend
+from sim.mending.tidy import Mended, tidy
 from sim.report import Change, Controller, Report
 from sim.simulate import Rollout
 
@@ -32,8 +33,8 @@ def judge_mended(
     """The trajectory that `judge` passes, or the one that comes nearest, with its report and rollout.
 
     It is the given one where that passes, or without `fix`. Else, on its own feet, the mended one, first without and
-    then, where the rig has what it takes, with its IMU; and where a stand or a harness holds it, a slower one. The
-    report tells what was changed. Raises what `judge` raises.
+    then, where the rig has what it takes, with its IMU; and where a stand or a harness holds it, a tidy one, then a
+    slower one. The report tells what was changed. Raises what `judge` raises.
     """
     held = rig.mount if mount is None else mount
 
@@ -49,7 +50,9 @@ def judge_mended(
         tried = [(mended, controller) for controller in controllers]
     else:
         tired = {c.name for c in best[1].failures()} & TIRED
-        tried = [(slowed(trajectory, factor), "open_loop") for factor in PACES] if tired else []
+        tidied = tidy(trajectory, rig, held)
+        paces = (1.0, *PACES) if tidied.changes else PACES
+        tried = [(slowed(tidied, factor), "open_loop") for factor in paces] if tired or tidied.changes else []
     for mended, controller in tried:
         now = judged(mended.trajectory, controller)
         now = now[0], replace(now[1], changes=mended.changes), now[2]
@@ -65,10 +68,13 @@ def can_feel(rig: Rig) -> bool:
     return rig.sensors.imu and any(foot.upright for foot in rig.feet)
 
 
-def slowed(trajectory: Trajectory, factor: float) -> Mended:
-    """`trajectory` drawn out `factor` times. Raises ValueError for a factor below 1 or above LONGEST."""
+def slowed(tidied: Mended, factor: float) -> Mended:
+    """`tidied` drawn out `factor` times. Raises ValueError for a factor below 1 or above LONGEST."""
     if not 1 <= factor <= LONGEST:
         raise ValueError(f"a motion can be slowed 1 to {LONGEST:g} times, not {factor}")
+    if factor == 1:
+        return tidied
+    trajectory = tidied.trajectory
     last = len(trajectory) - 1
     at = np.linspace(0, last, round(last * factor) + 1)
     nearest = np.rint(at).astype(int)
@@ -79,4 +85,5 @@ def slowed(trajectory: Trajectory, factor: float) -> Mended:
         contacts={name: flags[nearest] for name, flags in trajectory.contacts.items()},
         labels=tuple(replace(x, start_s=x.start_s * factor, end_s=x.end_s * factor) for x in trajectory.labels),
     )
-    return Mended(out, (Change("pace", factor, "times as long", f"It takes {factor:.2f} times as long."),))
+    pace = Change("pace", factor, "times as long", f"It takes {factor:.2f} times as long.")
+    return Mended(out, (*tidied.changes, pace))

@@ -33,11 +33,12 @@ def run_trials(
     asked: Geometry,
     count: int,
     *,
+    first: int = 0,
     seed: int = 0,
     threads: int = 1,
     upright: Upright | None = None,
 ) -> Trials:
-    """How many of `count` trials pass every check on what physics made of `trajectory`.
+    """How many of `count` trials, from number `first` on, pass every check on what physics made of `trajectory`.
 
     `scene` is the rig as it is written down, and `asked` the geometry of the trajectory on it. In a trial the gears
     have play, and what `variant` and `any_push` change is drawn from `seed`; trial i is the same whatever `count` and
@@ -46,7 +47,7 @@ def run_trials(
     if count < 1 or threads < 1:
         raise ValueError(f"trials: {count} trials in {threads} threads; there should be at least 1 of both")
     loose = build_scene(scene.rig, scene.mount, trajectory.qpos[0], play=True)
-    draws = [np.random.default_rng([seed, i]) for i in range(count)]
+    draws = [np.random.default_rng([seed, i]) for i in range(first, first + count)]
     models = [variant(loose, draw) for draw in draws]
     pushes = [any_push(loose, trajectory.duration, draw) for draw in draws]
     failures: Counter[str] = Counter()

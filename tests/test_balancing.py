@@ -21,6 +21,7 @@ from sim.mending.lead import torques
 from sim.mending.mend import LONGEST, mend
 from sim.mending.pace import find_pace
 from sim.mending.steps import Stance, Steps, Swing
+from sim.mending.tidy import Mended
 from sim.mending.weight import least_shift, nearest, second_difference
 from sim.scene import TIMESTEP, build_scene
 from sim.support import margin, support
@@ -140,13 +141,13 @@ def test_slowing_a_sine_divides_its_peak_speed():
     rest, a, w = still(4.0), 0.5, 2 * np.pi
     qpos = rest.qpos.copy()
     qpos[:, 7 + 2] = a * np.sin(w * np.arange(len(rest)) / FPS)
-    change = slowed(replace(rest, qpos=qpos), 1.6)
+    change = slowed(Mended(replace(rest, qpos=qpos), ()), 1.6)
     speed = np.abs(np.diff(change.trajectory.joint_pos[:, 2])).max() * FPS
     assert speed == pytest.approx(a * w / 1.6, rel=0.01)
     assert change.trajectory.duration == pytest.approx(1.6 * rest.duration, abs=1 / FPS)
     assert change.changes[0].amount == 1.6
     with pytest.raises(ValueError, match="1 to 2 times, not 3"):
-        slowed(rest, 3)
+        slowed(Mended(rest, ()), 3)
 
 
 def test_the_second_difference_is_that_of_the_dynamics():

@@ -1,7 +1,8 @@
 """Mend a motion so that its rig can do it on its own feet, and say what was changed.
 
 Footholds that the rig can tread, at a pace at which it can, a root that keeps the zero-moment point within the soles,
-legs that fit both, and targets from which servos under load come to just that. Arms, head and trunk keep their angles.
+legs that fit both, and targets from which servos under load come to just that. Arms, head and trunk keep their angles,
+but where they jerk or go through one another.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from sim.mending.legs import stand
 from sim.mending.pace import Pace, find_pace, segments
 from sim.mending.root import follow, height, shown
 from sim.mending.steps import Steps, find_steps
+from sim.mending.tidy import SHORTEST, Mended, tidy
 from sim.mending.weight import shift
 from sim.report import Change
 
@@ -30,16 +32,7 @@ ROUNDS = 6  # of balance at most; each leaves about a quarter of what was amiss
 BALANCED = 0.008  # of the root's height: less amiss is well within the margin
 PACES = 4  # tried at most
 LONGEST = 2.0  # times as long as it was, at most
-SHORTEST = 20  # frames: what is shorter is a pose
 SLACK = 1.05  # slower than a servo's speed takes
-
-
-@dataclass(frozen=True)
-class Mended:
-    """A mended `trajectory`, and in `changes` what was done to it, each with its size and in a sentence."""
-
-    trajectory: Trajectory
-    changes: tuple[Change, ...]
 
 
 @dataclass(frozen=True)
@@ -65,7 +58,8 @@ def mend(trajectory: Trajectory, rig: Rig) -> Mended:
         raise ValueError(f"rig {rig.name!r} has no feet to stand on")
     if len(trajectory) < SHORTEST:
         return Mended(trajectory, ())
-    body = body_of(rig)
+    was, tidied = trajectory, tidy(trajectory, rig, "free")
+    trajectory, body = tidied.trajectory, body_of(rig)
     at = poses(body.tree, trajectory.qpos)
     steps = find_steps(body, trajectory, at)
     drawn = np.ones(2 * len(steps.swings) + 1)
@@ -82,7 +76,7 @@ def mend(trajectory: Trajectory, rig: Rig) -> Mended:
     aim = led(body, draft.qpos, draft.feet, trajectory.fps)
     labels = _shifted(trajectory.labels, draft.pace, trajectory.fps)
     mended = replace(trajectory, qpos=draft.qpos, contacts=contacts, aim=aim, labels=labels)
-    return Mended(mended, _changes(trajectory, mended, steps, draft))
+    return Mended(mended, (*tidied.changes, *_changes(was, mended, steps, draft)))
 
 
 def _draft(body: Body, trajectory: Trajectory, steps: Steps, at: Poses, drawn: Array) -> _Draft:

@@ -83,7 +83,7 @@ def _classifier(data: Dataset, path: Path, plan: Plan, say: Callable[[str], None
     if not path.is_file() or _steps(path) < plan.content_steps:
         say("training the classifier of contents")
         _save(train_contents(data, contents, steps=plan.content_steps), plan.content_steps, path)
-    return _load(path)
+    return load_contents(path)
 
 
 def _styles(data: Dataset) -> Namer | None:
@@ -118,7 +118,8 @@ def _steps(path: Path) -> int:
     return int(_read(path)[0]["steps"])
 
 
-def _load(path: Path) -> Contents:
+def load_contents(path: Path) -> Contents:
+    """The classifier of contents in `path`. Raises JudgeError for a damaged file, or one of another project."""
     metadata, tensors = _read(path)
     classifier = Contents(msgspec.json.decode(metadata["contents"], type=list[str]), tensors["offsets"])
     classifier.load_state_dict(tensors)
