@@ -112,7 +112,7 @@ def found_of(asked: Asked, trials: int, threads: int, sees: Judge) -> dict[str, 
 
 
 def tried(asked: Asked, mended: Mended, controller: Controller, *, count: int, threads: int, sees: Judge) -> Try:
-    """`mended` without disturbance and, where that passes, in up to `count` trials: fewer where the verdict is clear."""
+    """`mended` without disturbance and, if that passes, in up to `count` trials: fewer where the verdict is clear."""
     what = mended.trajectory
     report, rollout = judge(what, asked.rig, mount="free", controller=controller)
     scene = build_scene(asked.rig, "free", what.qpos[0])

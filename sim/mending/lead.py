@@ -1,6 +1,6 @@
 """Servos that give way: what each has to be told so that, under its load, it is where it should be.
 
-A position servo gives torque only for an error, and lags behind by its damping. Both are known for a motion whose every
+A position servo gives torque only for an error, lags behind by its damping, and its gears have play. All is known for a motion whose every
 force is known: the joint torques of inverse dynamics, with the ground's wrench on each sole put in.
 """
 
@@ -17,6 +17,7 @@ from sim.mending.feet import Feet
 
 UNLOADED = 1e-4  # of a foot that stands, how much one in the air carries
 HAND_OVER = 0.5  # beats around a swing, over which its foot gives up its load and takes it on
+PRESSED = 0.05  # of the stall torque, from which on a gear lies against one side of its play
 TWIST = 0.05  # m: a moment of 1 N·m on a sole counts as much as a force of 1 / TWIST N
 
 
@@ -25,8 +26,19 @@ def led(body: Body, qpos: Array, feet: Feet, fps: float) -> Array:
     joints = body.rig.joints
     gain, damping = np.array([j.kp for j in joints]), np.array([j.kv for j in joints])
     speed = rates(qpos, fps)[0][:, ROOT_DOFS:]
-    aim = qpos[:, 7:] + (torques(body, qpos, feet, fps) + damping * speed) / gain
+    torque = torques(body, qpos, feet, fps)
+    aim = qpos[:, 7:] + (torque + damping * speed) / gain + loose(body, torque)
     return np.clip(aim, [j.lower for j in joints], [j.upper for j in joints])
+
+
+def loose(body: Body, torque: Array) -> Array:
+    """(T, nj) rad by which a gear lets its joint hang back under `torque` (T, nj) N·m: half its play, on its far side."""
+    half, firm = np.zeros(len(body.rig.joints)), np.ones(len(body.rig.joints))
+    for servo in body.rig.servos:
+        joint = body.rig.joint_names().index(servo.joint)
+        half[joint] = 0.5 * servo.model.play
+        firm[joint] = PRESSED * servo.model.stall_torque
+    return half * np.clip(torque / firm, -1, 1)
 
 
 def torques(body: Body, qpos: Array, feet: Feet, fps: float) -> Array:
