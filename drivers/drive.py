@@ -25,6 +25,7 @@ from drivers.halts import Halt
 from drivers.messages import OPEN_LOOP, Hello, Mode, RigState
 from drivers.signals import caught_signals
 from drivers.trips import Ceilings, Trips
+from drivers.upright import Imu, Standing, missing
 from drivers.watchdog import Watchdog
 from retarget.reach import lever_arms
 from retarget.rig import Rig
@@ -100,14 +101,16 @@ def drive(
     stop: threading.Event | None = None,
     halts: Sequence[Halt] = (),
     watch: Callable[[RigState], None] | None = None,
+    imu: Imu | None = None,
 ) -> Driven:
     """Follow the stream of `receiver` on `bus` until it ends, is stopped, trips, or a signal, `stop` or a halt comes.
 
+    What needs a controller is followed only where it can run: `imu` is what keeps a rig upright that stands free.
     `watch` sees each cycle's state. Handles SIGINT, SIGTERM and SIGHUP when run in the main thread. Torque is off when
     it returns or raises; it raises BusError where the bus fails (a missing servo, a hardware error, a lost port). Where
     one servo fails and the rig's `on_fault` is "rest", the others go to the safe pose first.
     """
-    loop = _Loop(rig, receiver, bus, settings or Settings(), clock or MonotonicClock(), watch)
+    loop = _Loop(rig, receiver, bus, settings or Settings(), clock or MonotonicClock(), watch, imu)
     with caught_signals() as caught, bus:
         try:
             while loop.cycle():
@@ -132,6 +135,7 @@ class _Loop:
         settings: Settings,
         clock: Ticker,
         watch: Callable[[RigState], None] | None,
+        imu: Imu | None,
     ) -> None:
         names = rig.joint_names()
         self._columns = np.array([names.index(j) for j in bus.joints])
@@ -144,7 +148,8 @@ class _Loop:
         self._safe = np.array(rig.pose_vector(rig.safe))[self._columns]
         self._trips = _trips(rig, bus.joints, settings)
         self._rig, self._receiver, self._bus, self._settings = rig, receiver, bus, settings
-        self._clock, self._watch = clock, watch
+        self._clock, self._watch, self._imu = clock, watch, imu
+        self._standing: Standing | None = None  # what keeps the rig upright, where the stream needs it
         self._period_ns = int(NS / settings.rate_hz)
         self._next_ns = clock.now_ns()
         self._frame: Frame | None = None
@@ -218,9 +223,11 @@ class _Loop:
         measured = reading.position
         hello = self._receiver.hello
         if self._command is None and hello is not None and hello.controller != OPEN_LOOP:
-            self._mode = "stopped"
-            self._reason = f"the stream needs the controller {hello.controller!r}; here runs {OPEN_LOOP!r} alone"
-            return False
+            if reason := missing(hello.controller, self._imu):
+                self._mode, self._reason = "stopped", reason
+                return False
+            if self._standing is None and self._imu is not None:
+                self._standing = Standing(self._rig, self._imu, self._settings.rate_hz)
         if self._mode == "waiting":
             return True
         if self._command is None:
@@ -245,8 +252,10 @@ class _Loop:
     def _move(self, command: Array, measured: Array, now: int) -> None:
         frame = self._frame if self._mode == "following" else None
         following = frame is not None
-        if following:
+        if frame is not None:
             target = self._receiver.buffer.target_at(self._receiver.gate.sender_ns(now))[self._columns]
+            if self._standing is not None:
+                target = target + self._standing.added(frame)[self._columns]
         else:
             target = self._safe if self._goes_safe else command
         speed = self._limits.velocity if following and self._joined else self._ease

@@ -10,8 +10,8 @@ import numpy as np
 from drivers.buffer import Buffer
 from drivers.frame import Frame, encode
 from drivers.gate import Gate
-from drivers.messages import Hello, RigState
-from drivers.samples import frames_of
+from drivers.messages import OPEN_LOOP, Hello, RigState
+from drivers.samples import frames_of, hello_for
 from drivers.watchdog import Patience, Watchdog
 from retarget.rig import Rig
 from retarget.trajectory import Trajectory
@@ -24,13 +24,21 @@ BEGIN_S = 5.0  # and begins at the latest; a joint that is far off by then trips
 class Played:
     """The frames of `trajectory` for `rig`, due from when the rig has come to its first pose; a `Source` for `drive`.
 
-    Raises StreamError where the trajectory's joints are not the rig's. Without a `report_id` no frame passes the gate.
+    `controller` is what the report says must run beside it. Raises StreamError where the trajectory's joints are not
+    the rig's. Without a `report_id` no frame passes the gate.
     """
 
-    def __init__(self, trajectory: Trajectory, rig: Rig, report_id: str, patience: Patience | None = None) -> None:
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        rig: Rig,
+        report_id: str,
+        patience: Patience | None = None,
+        controller: str = OPEN_LOOP,
+    ) -> None:
         self.gate, self.watchdog, self.trouble = Gate(rig.hash), Watchdog(patience), ""
         self.buffer, self.run = Buffer(), secrets.randbits(32)
-        self.hello: Hello | None = None
+        self.hello: Hello | None = hello_for(trajectory, rig, report_id, 0, controller)
         self._frames = list(frames_of(trajectory, rig, report_id, secrets.randbits(32), 0))
         self._first = dict(zip(trajectory.joints, trajectory.joint_pos[0], strict=True))
         self._order = [s.joint for s in rig.servos]

@@ -150,16 +150,11 @@ def _publish(take: Take, how: Delivery, times: Times) -> dict[str, Any] | None:
 def _drive(take: Take, how: Delivery, times: Times) -> Driven | None:
     if how.drive is None:
         return None
-    from drivers.messages import OPEN_LOOP
     from drivers.played import Played
 
-    if take.report.controller != OPEN_LOOP:
-        show.warn(f"not driven: it needs the controller {take.report.controller}, and here runs {OPEN_LOOP} alone")
-        return None
-
-    played = Played(take.trajectory, take.rig, take.report.report_id)
+    played = Played(take.trajectory, take.rig, take.report.report_id, controller=take.report.controller)
     with times.stage("drive"):
-        return driving.run(take.rig, how.drive, played, how.care, lambda: "")
+        return driving.run(take.rig, how.drive, played, how.care, lambda: "", take.rollout.mount)
 
 
 def watch(take: Take, where: Literal["native", "web"]) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from tyro.conf import arg
 
-from retarget.rig import Rig
+from retarget.rig import Mount, Rig
 from rigcast import show
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from drivers.halts import Halt
     from drivers.messages import RigState
     from drivers.trust import Trust
+    from drivers.upright import Imu
 
 SIMULATED, EMULATED = "sim", "emulated"  # ports that are no ports: servos, or a whole bus with a body, in this process
 
@@ -42,8 +43,11 @@ class Driving:
     """With `--drive emulated`: film (.mp4, .gif) what the servos make of the motion."""
 
 
-def run(rig: Rig, port: str, source: Source, how: Driving, trouble: Callable[[], str]) -> Driven:
-    """Drive `rig` on `port` by the frames of `source`. `trouble` says why none come.
+def run(
+    rig: Rig, port: str, source: Source, how: Driving, trouble: Callable[[], str], mount: Mount | None = None
+) -> Driven:
+    """Drive `rig` on `port` by the frames of `source`. `trouble` says why none come; `mount` how an emulated body is
+    held, which has an IMU where the rig has one. No other port has.
 
     Raises BusError where the bus fails, or where nobody has seen that the unit's joints turn the right way.
     """
@@ -56,7 +60,7 @@ def run(rig: Rig, port: str, source: Source, how: Driving, trouble: Callable[[],
     with ExitStack() as stack:
         halts = _halts(stack, how)
         log = _log(stack, how, rig, settings.rate_hz)
-        bus, clock = bus_on(port, rig, gentle=gentle)
+        bus, clock = bus_on(port, rig, gentle=gentle, mount=mount)
         if gentle and trust is not None:
             which = f"gentle run {trust.runs + 1} of {GENTLE_RUNS}"
             show.warn(f"{which}: {GENTLE_TORQUE:.0%} of the torque, {GENTLE_HAND} m/s at the hand at most")
@@ -68,7 +72,7 @@ def run(rig: Rig, port: str, source: Source, how: Driving, trouble: Callable[[],
             if seen is not None and state.mode == "following":
                 seen.look()
 
-        driven = drive(rig, source, bus, settings, clock=clock, halts=halts, watch=watch)
+        driven = drive(rig, source, bus, settings, clock=clock, halts=halts, watch=watch, imu=_imu_of(clock, rig))
     if how.film is not None and seen is not None:
         seen.write(settings.rate_hz, rig, how.film)
     if trust is not None and gentle and driven.followed and driven.mode == "safe":
@@ -90,7 +94,7 @@ def trust_of(rig: Rig, port: str) -> Trust:
     return trust
 
 
-def bus_on(port: str, rig: Rig, *, gentle: bool = False) -> tuple[ServoBus, Ticker]:
+def bus_on(port: str, rig: Rig, *, gentle: bool = False, mount: Mount | None = None) -> tuple[ServoBus, Ticker]:
     """The servo bus of `rig` on `port`, not yet opened, and the clock that it runs on. Raises BusError."""
     from drivers.clock import MonotonicClock
     from drivers.servos.connect import connect
@@ -104,9 +108,15 @@ def bus_on(port: str, rig: Rig, *, gentle: bool = False) -> tuple[ServoBus, Tick
         from drivers.emulation.body import Body
         from drivers.emulation.in_process import InProcess
 
-        wire = InProcess(rig, body=Body(rig))
+        wire = InProcess(rig, body=Body(rig, mount=mount))
         return connect(rig, wire), wire
     return connect(rig, port, guarded=True, torque_share=GENTLE_TORQUE if gentle else 1.0), MonotonicClock()
+
+
+def _imu_of(clock: Ticker, rig: Rig) -> Imu | None:
+    from drivers.emulation.in_process import InProcess
+
+    return clock if isinstance(clock, InProcess) and rig.sensors.imu else None
 
 
 def require_port(port: str) -> None:

@@ -208,7 +208,7 @@ class OnWire:
         self.wire = InProcess(rig)
         self.shares = []
 
-        def bus_on(port, body, *, gentle=False):
+        def bus_on(port, body, *, gentle=False, mount=None):
             self.shares.append(0.3 if gentle else 1.0)
             return connect(body, self.wire, torque_share=self.shares[-1]), self.wire
 

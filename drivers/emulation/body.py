@@ -8,6 +8,7 @@ The load decides where the shaft really is, what current it draws and how warm i
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
@@ -19,6 +20,7 @@ from drivers.bus import BusError
 from drivers.calibration import Calibration, load_calibration
 from drivers.motor import Demand, Motor
 from drivers.servos.table import model_of
+from drivers.upright import Felt
 from retarget.rig import FULL_TORQUE_ERROR, Mount, Rig
 from sim.scene import build_scene
 
@@ -47,7 +49,8 @@ class Turning(Protocol):
 class Body:
     """The rig on its `mount` (by default its own) at `pose` (nj,) rad, by default the nominal one.
 
-    Time passes in `advance`, from when servos turn it. Raises BusError where a joint of the rig has no servo, RigError
+    Time passes in `advance`, from when servos turn it. One that nothing holds is held by hand until its servos do: till
+    then it stands still. Raises BusError where a joint of the rig has no servo, RigError
     where its model does not load.
     """
 
@@ -85,6 +88,9 @@ class Body:
         self._joints = rig.joint_names()
         self._setpoint = self._angle.copy()
         self._damping = self._model.dof_damping.copy()
+        self._by_hand = self.mount == "free"
+        self._delay = round(rig.sensors.delay / self._model.opt.timestep)
+        self._felt: deque[Felt] = deque([self._feels()], maxlen=self._delay + 1)
         self.temperature = np.full(n, ROOM)
         self.voltage = self._supply
         self.now = 0.0
@@ -105,6 +111,9 @@ class Body:
         self.now += steps * self._model.opt.timestep
         demands = [s.demand() for s in self._servos]
         on = np.array([d.goal is not None for d in demands])
+        if self._by_hand and not on.all():
+            return
+        self._by_hand = False
         goal = self._to_joint(np.array([d.goal or 0.0 for d in demands]))
         reach = np.array([d.speed for d in demands]) * self._model.opt.timestep
         share = np.where(on, [d.share for d in demands], 0.0)
@@ -119,12 +128,21 @@ class Body:
         """The pose (7 + nj,) now, root first, as of `Trajectory`."""
         return self._scene.rows(self._data.qpos[None])[0]
 
+    def felt(self) -> Felt:
+        """What an IMU on the root says now: how it was turned, and how fast, `sensors.delay` ago."""
+        return self._felt[0]
+
+    def _feels(self) -> Felt:
+        return Felt(self._data.qpos[3:7].copy(), self._data.qvel[3:6].copy())
+
     def _step(self, goal: Array, on: NDArray[np.bool_], reach: Array, share: Array) -> None:
         self._setpoint += np.clip(goal - self._setpoint, -reach, reach)
         self._setpoint[~on] = self._angle[~on]
         pulse = np.clip((self._setpoint - self._angle) / self._full_error, -share, share)
         self._data.ctrl[: len(goal)] = pulse * self.voltage / self._rated
         mujoco.mj_step(self._model, self._data)
+        if self.mount != "stand":
+            self._felt.append(self._feels())
         drawn = np.abs(self._force / self._stall) * self._amperes
         self.voltage = self._supply - self._resistance * float(np.abs(pulse) @ drawn)
         lost = drawn**2 * self._rated / self._amperes - COOLING * (self.temperature - ROOM)

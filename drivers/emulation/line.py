@@ -22,6 +22,7 @@ from retarget.servos import BOARDS
 
 if TYPE_CHECKING:
     from drivers.emulation.body import Array, Body
+    from drivers.upright import Felt
 
 TRAFFIC_KEPT = 100_000
 TICK_S = 0.02  # how often a body moves on while nobody asks
@@ -86,6 +87,14 @@ class EmulatedLine:
         self.tick()
         with self._lock:
             return self._body.qpos()
+
+    def felt(self) -> Felt:
+        """What the IMU on the body's root says. Raises ValueError where the servos turn no body."""
+        if self._body is None:
+            raise ValueError("the servos of this bus turn no body")
+        self.tick()
+        with self._lock:
+            return self._body.felt()
 
     def get(self, joint: str, register: str) -> int:
         """Value of a register of the servo of `joint`, now."""

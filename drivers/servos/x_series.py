@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from drivers.servos.dynamixel2 import Dynamixel2, Fault
 from drivers.servos.family import Family, Model, Register
+from retarget.rig import FULL_TORQUE_ERROR
 
 RAM_START = 64  # Below lies EEPROM, which is writable only while torque is off.
 TICK_S = 0.020  # one unit of the bus watchdog
@@ -90,9 +91,17 @@ FULL_PWM = 885  # register 36
 PWM_PER_TICK = 1 / 128  # per unit of register 84: e-Manual, "Position PID Gain", KP = register / 128
 
 
+def stiff_gain(error: float, ticks_per_turn: int = 4096) -> int:
+    """The position gain with which the controller asks for full PWM at `error` rad: `full_error` the other way round."""
+    return round(FULL_PWM / PWM_PER_TICK * 2 * math.pi / (ticks_per_turn * error))
+
+
 def full_error(position_p_gain: int, ticks_per_turn: int = 4096) -> float:
     """Position error in rad at which the controller asks for full PWM."""
     return FULL_PWM / (position_p_gain * PWM_PER_TICK) * 2 * math.pi / ticks_per_turn
+
+
+STIFF = stiff_gain(FULL_TORQUE_ERROR)  # as stiff as what was checked; servos come from the factory half as stiff
 
 
 def _model(number: int, position_p_gain: int, current_unit: float, *, has_current: bool, indirect: bool) -> Model:
@@ -104,11 +113,11 @@ def _model(number: int, position_p_gain: int, current_unit: float, *, has_curren
         eeprom=range(RAM_START),
         state=("present_current", "present_position", "present_input_voltage", "present_temperature"),
         voltage_unit=VOLTAGE_UNIT,
-        full_error=full_error(position_p_gain),
+        full_error=full_error(STIFF),
         errors=HARDWARE_ERRORS,
         current=("present_current", current_unit),
         speed=("profile_velocity", VELOCITY_UNIT),
-        setup={"return_delay_time": 0, "operating_mode": POSITION_MODE},
+        setup={"return_delay_time": 0, "operating_mode": POSITION_MODE, "position_p_gain": STIFF},
         error_register="hardware_error_status",
         torque=("goal_pwm", "pwm_limit"),
         indirect=(INDIRECT_ADDRESS, INDIRECT_DATA) if indirect else None,
