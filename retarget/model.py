@@ -40,6 +40,8 @@ def load_spec(rig: Rig) -> mujoco.MjSpec:
         if (theirs := spec.site(site.name)) is not None:
             spec.delete(theirs)
         spec.body(site.body).add_site(name=site.name, pos=site.pos)
+    for foot in rig.feet:
+        _let_stand(spec.body(foot.body))
     sites = {s.name for s in spec.sites}
     _known([f.body for f in rig.follow], bodies | sites, "follow: body or site", rig)
     _known([f.body for f in rig.feet], bodies, "foot: body", rig)
@@ -82,6 +84,15 @@ def _forgive_neighbours(spec: mujoco.MjSpec, rig: Rig) -> None:
     for child in spec.body(rig.root).bodies:
         if child.name and frozenset((rig.root, child.name)) not in have:
             spec.add_exclude(bodyname1=rig.root, bodyname2=child.name)
+
+
+def _let_stand(foot: mujoco.MjsBody | None) -> None:
+    """A foot that may touch nothing, as where a model pairs it with a floor of its own, meets floors by its shapes that
+    are no mesh."""
+    geoms = [] if foot is None else list(foot.geoms)
+    if not any(geom.contype or geom.conaffinity for geom in geoms):
+        for geom in geoms:
+            geom.conaffinity = int(geom.type != mujoco.mjtGeom.mjGEOM_MESH)
 
 
 def _free_root(spec: mujoco.MjSpec, rig: Rig) -> None:

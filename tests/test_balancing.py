@@ -199,7 +199,7 @@ def test_two_feet_are_never_in_the_air():
     """A run: the flight between two swings is shared out, and both feet stand a while."""
     ground = [Stance(0, 10, np.zeros(2), 0.0), Stance(40, 90, np.ones(2), 0.0)]
     swings = (Swing(0, ground[0], ground[1], 10, 40), Swing(1, ground[0], ground[1], 30, 60))
-    pace = find_pace(Steps((ground[0], ground[0]), swings, 100, False, 0.0), np.ones(5), 0.16, FPS)
+    pace = find_pace(Steps((ground[0], ground[0]), swings, 100, False, 0, 0.0), np.ones(5), 0.16, FPS)
     (lift, land), (lift_2, land_2) = pace.swings
     assert lift < land < lift_2 < land_2
     assert (np.diff(pace.at) >= 0).all()

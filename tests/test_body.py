@@ -11,7 +11,7 @@ from drivers.bus import BusError
 from drivers.emulation.body import COOLING, HEAT_CAPACITY, ROOM, SAG, Body
 from drivers.emulation.in_process import InProcess
 from drivers.servos.connect import connect
-from drivers.servos.x_series import full_error
+from drivers.servos.x_series import STIFF, full_error
 from retarget.model import load_model
 from retarget.rig import load_rig
 
@@ -62,8 +62,8 @@ def test_an_arm_that_is_held_out_sags_by_what_its_weight_takes():
         reading = hold(wire, bus, goal, 1.0)
     needed = gravity_torque(reading.position, JOINTS[n])
     assert needed > 0.1
-    given = (goal[n] - reading.position[n]) / full_error(800) * 4.1
-    assert given == pytest.approx(needed, abs=FRICTION + 4.1 * TICK / full_error(800))
+    given = (goal[n] - reading.position[n]) / full_error(STIFF) * 4.1
+    assert given == pytest.approx(needed, abs=FRICTION + 4.1 * TICK / full_error(STIFF))
 
 
 def test_torque_off_lets_an_arm_fall():

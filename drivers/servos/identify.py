@@ -21,7 +21,7 @@ from retarget.rig import Rig
 NS = 1_000_000_000
 STEP = 0.6  # rad
 STEP_S = 0.5
-SLOW = 0.5  # rad/s
+SLOW = 0.2  # rad/s: a cycle of it is little beside the error that friction takes
 SWEEP = 0.15  # rad to either side
 BEGUN = 0.01  # rad: it has moved
 WINDOW_S = 0.04

@@ -92,7 +92,7 @@ PWM_PER_TICK = 1 / 128  # per unit of register 84: e-Manual, "Position PID Gain"
 
 
 def stiff_gain(error: float, ticks_per_turn: int = 4096) -> int:
-    """The position gain with which the controller asks for full PWM at `error` rad: `full_error` the other way round."""
+    """The position gain with which the controller asks for full PWM at `error` rad, as `full_error` has it."""
     return round(FULL_PWM / PWM_PER_TICK * 2 * math.pi / (ticks_per_turn * error))
 
 

@@ -1,7 +1,8 @@
 """Servos that give way: what each has to be told so that, under its load, it is where it should be.
 
-A position servo gives torque only for an error, lags behind by its damping, and its gears have play. All is known for a motion whose every
-force is known: the joint torques of inverse dynamics, with the ground's wrench on each sole put in.
+A position servo gives torque only for an error, lags behind by its damping, and its gears have play. All three are
+known for a motion whose every force is known: the joint torques of inverse dynamics, with the ground's wrench on each
+sole put in.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def led(body: Body, qpos: Array, feet: Feet, fps: float) -> Array:
 
 
 def loose(body: Body, torque: Array) -> Array:
-    """(T, nj) rad by which a gear lets its joint hang back under `torque` (T, nj) N·m: half its play, on its far side."""
+    """(T, nj) rad by which gears let joints hang back under `torque` (T, nj) N·m: half their play, where pressed."""
     half, firm = np.zeros(len(body.rig.joints)), np.ones(len(body.rig.joints))
     for servo in body.rig.servos:
         joint = body.rig.joint_names().index(servo.joint)

@@ -120,6 +120,7 @@ def _changes(was: Trajectory, now: Trajectory, steps: Steps, draft: _Draft) -> t
         Change("steps", len(steps.swings), "steps", f"{len(steps.swings)} steps, one at a time and soles level."),
         Change("shortened", steps.shortened, "m", f"A step was cut by {steps.shortened * 1000:.0f} mm."),
         Change("closing", float(steps.closing), "steps", "A step was added that brings the feet together."),
+        Change("turning", steps.turning, "steps", f"{steps.turning} steps were added to turn as far as asked for."),
         Change("lead", lead, "rad", f"Servos are told up to {lead:.3f} rad more, as far as loads bend them."),
     )
     return tuple(c for c in said if abs(c.amount - (c.name == "pace")) > 1e-3)

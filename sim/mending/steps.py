@@ -28,6 +28,7 @@ LONGEST = 0.52  # from one foot to the other, along either one's heading
 NARROWEST, WIDEST = 0.9, 1.9  # from one foot to the other, across, over the nominal stance
 TURNS = 0.2  # rad: a foot that turns less has not stepped
 INWARD, OUTWARD = 0.2, 0.5  # rad, that a foot is turned from the other one at most
+MORE = 12  # steps at most, that are added to turn as far as is asked for
 UNHURRIED = 3.5  # beats, in which the slowest joint of a leg must be able to swing a foot over two steps
 PEAK = 15 / 8  # of the speed of minimum jerk over its mean
 EARLY = 0.25  # s: who stands this soon after the start has stood from the start
@@ -59,13 +60,15 @@ class Swing:
 class Steps:
     """Where each leg stands first, and the swings in the order in which they happen; the motion takes `frames`.
 
-    `closing`: whether the last swing is one that the motion does not have. `shortened` (m): by how much steps were cut.
+    `closing`: whether the motion does not have the swing that brings the feet together. `turning`: how many swings it
+    does not have either, that turn it as far as it should. `shortened` (m): by how much steps were cut.
     """
 
     first: tuple[Stance, ...]
     swings: tuple[Swing, ...]
     frames: int
     closing: bool
+    turning: int
     shortened: float
 
 
@@ -84,6 +87,7 @@ def find_steps(body: Body, trajectory: Trajectory, at: Poses) -> Steps:
     early = round(EARLY * trajectory.fps)
     stances = [_merged(body, leg, at, s, begins, begins + early) for leg, s in zip(body.legs, told, strict=True)]
     closing = _close(body, at, stances, ends, early, frames)
+    before = sum(map(len, stances))
     stances, shortened = _shortened(body, stances)
     swings = sorted(
         (
@@ -93,7 +97,9 @@ def find_steps(body: Body, trajectory: Trajectory, at: Poses) -> Steps:
         ),
         key=lambda swing: swing.start + swing.end,
     )
-    return Steps(tuple(mine[0] for mine in stances), tuple(swings), frames, closing, shortened)
+    return Steps(
+        tuple(mine[0] for mine in stances), tuple(swings), frames, closing, sum(map(len, stances)) - before, shortened
+    )
 
 
 def _low_and_slow(body: Body, leg: Leg, at: Poses, fps: float) -> Flags:
@@ -154,31 +160,66 @@ def _close(body: Body, at: Poses, stances: list[list[Stance]], ends: int, early:
 
 
 def _shortened(body: Body, stances: list[list[Stance]]) -> tuple[list[list[Stance]], float]:
-    """No step longer, wider or narrower than the legs take, and by how many metres the longest was cut."""
+    """No step longer, wider, narrower or turned more than legs take, and by how many metres the longest was cut.
+
+    Steps that cannot turn as far as they should are followed by more of them, on the spot, until the feet face where
+    they should in the end.
+    """
     out = [[mine[0]] for mine in stances]
     if len(stances) != 2:
         return stances, 0.0
-    across = float(np.linalg.norm(stances[0][0].spot - stances[1][0].spot))
-    longest = _longest(body)
     shift, cut = np.zeros(2), 0.0
     landings = sorted(((s.start, i, s) for i, mine in enumerate(stances) for s in mine[1:]), key=lambda x: x[:2])
     for _, i, stance in landings:
-        other = out[1 - i][-1]
-        side = np.sign(turned(stances[i][0].spot - stances[1 - i][0].spot, -stances[1 - i][0].yaw)[1])
-        out_turn = np.clip(side * (stance.yaw - other.yaw), -INWARD, OUTWARD)
-        yaw = other.yaw + float(side * out_turn)
-        asked = turned(stance.spot + shift - other.spot, -other.yaw)
-        held = np.array(
-            [
-                np.clip(asked[0], -longest, longest),
-                side * np.clip(side * asked[1], NARROWEST * across, WIDEST * across),
-            ]
-        )
-        spot = other.spot + turned(held, other.yaw)
-        back = turned(np.array([held[0] - asked[0], 0.0]), other.yaw)
+        held, back = _held(body, stances, i, replace(stance, spot=stance.spot + shift), out[1 - i][-1])
         shift, cut = shift + back, max(cut, float(np.linalg.norm(back)))
-        out[i].append(replace(stance, spot=spot, yaw=yaw))
+        out[i].append(held)
+    if not landings:
+        return out, cut
+    foot = 1 - landings[-1][1]
+    for _ in range(MORE):
+        last, other = out[foot][-1], out[1 - foot][-1]
+        if max(abs(mine[-1].yaw - now[-1].yaw) for mine, now in zip(stances, out, strict=True)) < TURNS:
+            break
+        now = max(last.end, other.end)
+        out[foot][-1] = replace(last, end=now)
+        aside = turned(np.array([0.0, _side(stances, foot) * _across(stances)]), other.yaw)
+        wanted = Stance(now + 1, now + 2, other.spot + aside, stances[foot][-1].yaw)
+        out[foot].append(_held(body, stances, foot, wanted, other)[0])
+        out[1 - foot][-1] = replace(other, end=now + 2)
+        foot = 1 - foot
     return out, cut
+
+
+def _held(body: Body, stances: list[list[Stance]], foot: int, asked: Stance, other: Stance) -> tuple[Stance, Array]:
+    """`asked` as near to it as leg number `foot` gets while the other one stands on `other`; and by what it fell short
+    along the heading of that, (2,) metres.
+    """
+    side, across, longest = _side(stances, foot), _across(stances), _longest(body)
+    out_turn = float(np.clip(side * (asked.yaw - other.yaw), -INWARD, OUTWARD))
+    room = abs(np.sin(out_turn)) * float(np.ptp(body.legs[foot].sole[:, 0])) / 2  # that a turned sole takes more
+    way = turned(asked.spot - other.spot, -other.yaw)
+    held = np.array(
+        [
+            np.clip(way[0], -longest, longest),
+            side * np.clip(side * way[1], NARROWEST * across + room, WIDEST * across),
+        ]
+    )
+    spot = other.spot + turned(held, other.yaw)
+    return replace(asked, spot=spot, yaw=other.yaw + side * out_turn), turned(
+        np.array([held[0] - way[0], 0.0]), other.yaw
+    )
+
+
+def _across(stances: list[list[Stance]]) -> float:
+    """Metres from one foot to the other in the first stance."""
+    return float(np.linalg.norm(stances[0][0].spot - stances[1][0].spot))
+
+
+def _side(stances: list[list[Stance]], foot: int) -> float:
+    """1 for the left foot, -1 for the right one."""
+    first = stances[foot][0]
+    return float(np.sign(turned(first.spot - stances[1 - foot][0].spot, -stances[1 - foot][0].yaw)[1]))
 
 
 def _longest(body: Body) -> float:
