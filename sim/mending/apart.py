@@ -16,7 +16,7 @@ from retarget.rig import Rig
 from sim.thresholds import limit_for
 
 CLEAR = 0.015  # of the root's height, that parts are apart which would overlap
-FIRM = 1e5  # of the springs between them, in rad² per root height²
+FIRM = 1e3  # of the springs between them, in rad² per root height²: what hardly opens a gap is not moved far for it
 SMOOTH = 0.06  # s, over which what is added comes and goes
 ROUNDS = 10
 WORTH = 1e-3  # rad: a round that changes less is the last

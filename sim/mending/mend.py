@@ -16,6 +16,7 @@ from motiongen.rotation import Array
 from retarget.kinematics import Poses, poses
 from retarget.rig import Rig
 from retarget.trajectory import Trajectory
+from sim.mending.apart import pushed_apart
 from sim.mending.body import Body, body_of
 from sim.mending.feet import Feet, find_feet
 from sim.mending.lead import led
@@ -23,7 +24,7 @@ from sim.mending.legs import stand
 from sim.mending.pace import Pace, find_pace, segments
 from sim.mending.root import follow, height, shown
 from sim.mending.steps import Steps, find_steps
-from sim.mending.tidy import SHORTEST, Mended, tidy
+from sim.mending.tidy import SHORTEST, Mended, leg_joints, tidy
 from sim.mending.weight import shift
 from sim.report import Change
 
@@ -37,14 +38,15 @@ SLACK = 1.05  # slower than a servo's speed takes
 
 @dataclass(frozen=True)
 class _Draft:
-    """A motion at one pace: `moved` (T, 2) m is what balance added to the root, `amiss` m what it left to do, `speed`
-    (T,) that of the fastest joint over its servo's.
+    """A motion at one pace: `moved` (T, 2) m is what balance added to the root, `aside` rad how far arms gave way to
+    legs, `amiss` m what balance left to do, `speed` (T,) that of the fastest joint over its servo's.
     """
 
     pace: Pace
     feet: Feet
     qpos: Array
     moved: Array
+    aside: float
     amiss: float
     speed: Array
 
@@ -87,12 +89,15 @@ def _draft(body: Body, trajectory: Trajectory, steps: Steps, at: Poses, drawn: A
     base = follow(body, shown(trajectory.qpos, pace), at, pace, feet, fps)
     allowed = np.array([j.velocity for j in body.rig.joints])
     margin = MARGIN * float(np.ptp(body.legs[0].sole[:, 1])) / 2
-    moved, rounds = np.zeros((len(base), 2)), 0
+    moved, aside, rounds = np.zeros((len(base), 2)), 0.0, 0
+    arms = ~leg_joints(body.rig)
     while True:
         qpos = base.copy()
         qpos[:, :2] += moved
         qpos[:, 2] = height(body, qpos, feet, fps)
         qpos = stand(body, qpos, feet)
+        clear = pushed_apart(body.rig, qpos, fps, arms).qpos
+        aside, qpos = max(aside, float(np.abs(clear - qpos).max())), clear
         base[:, 7:] = qpos[:, 7:]  # legs start from there next time
         more, amiss = shift(body, qpos, feet, fps, margin)
         rounds += 1
@@ -100,7 +105,7 @@ def _draft(body: Body, trajectory: Trajectory, steps: Steps, at: Poses, drawn: A
             break
         moved += more
     speed = (np.abs(np.diff(qpos[:, 7:], axis=0)) * fps / allowed).max(1, initial=0.0)
-    return _Draft(pace, feet, qpos, moved, amiss, np.concatenate([[0.0], speed]))
+    return _Draft(pace, feet, qpos, moved, aside, amiss, np.concatenate([[0.0], speed]))
 
 
 def _shifted(labels: tuple[Label, ...], pace: Pace, fps: float) -> tuple[Label, ...]:
@@ -120,6 +125,7 @@ def _changes(was: Trajectory, now: Trajectory, steps: Steps, draft: _Draft) -> t
         Change("steps", len(steps.swings), "steps", f"{len(steps.swings)} steps, one at a time and soles level."),
         Change("shortened", steps.shortened, "m", f"A step was cut by {steps.shortened * 1000:.0f} mm."),
         Change("closing", float(steps.closing), "steps", "A step was added that brings the feet together."),
+        Change("aside", draft.aside, "rad", f"Arms move up to {draft.aside:.2f} rad out of the way of the legs."),
         Change("turning", steps.turning, "steps", f"{steps.turning} steps were added to turn as far as asked for."),
         Change("lead", lead, "rad", f"Servos are told up to {lead:.3f} rad more, as far as loads bend them."),
     )
