@@ -35,8 +35,8 @@ TARGETS = {"gesture": 0.95, "step": 0.6, "walk": 0.6, "turn": 0.6}
 QUICK = 0.01, 3  # share of the motions, so the first of each kind, and trials
 
 
-def motions(folder: Path, share: float) -> Iterator[tuple[str, str, str, Motion]]:
-    """Source, kind, name and motion of the first `share` of everything that is tried, kinds in turn."""
+def motions(folder: Path, share: float) -> Iterator[tuple[str, str, int, str, Motion]]:
+    """Source, kind, number, name and motion of the first `share` of everything that is tried, kinds in turn."""
     drawing: Generator | None = None
     for i in range(max(map(len, KINDS.values()))):
         for kind, prompts in KINDS.items():
@@ -46,13 +46,13 @@ def motions(folder: Path, share: float) -> Iterator[tuple[str, str, str, Motion]
             if not file.is_file():
                 drawing = drawing or load_generator("mdm")
                 save_motion(choose(drawing, prompts[i], candidates=DEFAULT_CANDIDATES, seed=i).motion, file)
-            yield "generated", kind, prompts[i], load_motion(file)
+            yield "generated", kind, i, prompts[i], load_motion(file)
     data = os.environ.get("RIGCAST_MOTION_DATA")
     clips = {} if data is None else {kind: real_clips(Path(data).expanduser(), kind) for kind in REAL}
     for i in range(max(REAL.values())):
         for kind, files in clips.items():
             if i < np.ceil(share * len(files)):
-                yield "real", kind, files[i].stem, read_motion(files[i])
+                yield "real", kind, i, files[i].stem, read_motion(files[i])
 
 
 def real_clips(data: Path, kind: str) -> list[Path]:
@@ -68,8 +68,8 @@ def measured(rig: Rig, asked: argparse.Namespace, share: float, trials: int) -> 
     """One row per motion; what is known already is read from the folder."""
     rows = []
     sees: Judge | None = None
-    for source, kind, name, motion in motions(asked.folder, share):
-        file = asked.folder / f"{rig.name}-{source}-{kind}-{name.replace(' ', '_').replace(',', '')}-{trials}.json"
+    for source, kind, number, name, motion in motions(asked.folder, share):
+        file = asked.folder / f"{rig.name}-{source}-{kind}-{number:02d}-{trials}.json"
         if not file.is_file():
             if asked.table:
                 continue

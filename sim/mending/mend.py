@@ -63,7 +63,7 @@ def mend(trajectory: Trajectory, rig: Rig) -> Mended:
     was, tidied = trajectory, tidy(trajectory, rig, "free")
     trajectory, body = tidied.trajectory, body_of(rig)
     at = poses(body.tree, trajectory.qpos)
-    steps = find_steps(body, trajectory, at)
+    steps = find_steps(body, trajectory, at, LONGEST)
     drawn = np.ones(2 * len(steps.swings) + 1)
     for _ in range(PACES):
         draft = _draft(body, trajectory, steps, at, drawn)

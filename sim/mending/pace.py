@@ -8,12 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.rotation import Array
-from sim.mending.steps import Steps
+from sim.mending.steps import BOTH, REST, SWING, Steps
 
-# In beats, √(height / g): 0.31 s of an adult, 0.16 s of the puppet.
-SWING = 2.4  # a foot is in the air no shorter
-BOTH = 0.9  # both feet stand between two steps
-REST = 2.5  # before the first step, to bring the weight over, and after the last one
 SMOOTH = 0.06  # s over which a change of pace is spread
 
 

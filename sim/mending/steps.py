@@ -7,6 +7,7 @@ short, and all that follow come back with it; and a motion that ends in mid-stri
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -28,7 +29,11 @@ LONGEST = 0.52  # from one foot to the other, along either one's heading
 NARROWEST, WIDEST = 0.9, 1.9  # from one foot to the other, across, over the nominal stance
 TURNS = 0.2  # rad: a foot that turns less has not stepped
 INWARD, OUTWARD = 0.2, 0.5  # rad, that a foot is turned from the other one at most
-MORE = 12  # steps at most, that are added to turn as far as is asked for
+PIVOT = 0.3  # rad: a foot that turns more while it stands is lifted in between
+# In beats, √(height / g): 0.31 s of an adult, 0.16 s of the puppet.
+SWING = 2.4  # a foot is in the air no shorter
+BOTH = 0.9  # both feet stand between two steps
+REST = 2.5  # before the first step, to bring the weight over, and after the last one
 UNHURRIED = 3.5  # beats, in which the slowest joint of a leg must be able to swing a foot over two steps
 PEAK = 15 / 8  # of the speed of minimum jerk over its mean
 EARLY = 0.25  # s: who stands this soon after the start has stood from the start
@@ -72,8 +77,8 @@ class Steps:
     shortened: float
 
 
-def find_steps(body: Body, trajectory: Trajectory, at: Poses) -> Steps:
-    """The steps of `trajectory`, whose poses are `at`."""
+def find_steps(body: Body, trajectory: Trajectory, at: Poses, longest: float) -> Steps:
+    """The steps of `trajectory`, whose poses are `at`. Added are only such as fit into `longest` times its time."""
     frames = len(trajectory)
     flags = [
         trajectory.contacts[leg.name]
@@ -88,7 +93,9 @@ def find_steps(body: Body, trajectory: Trajectory, at: Poses) -> Steps:
     stances = [_merged(body, leg, at, s, begins, begins + early) for leg, s in zip(body.legs, told, strict=True)]
     closing = _close(body, at, stances, ends, early, frames)
     before = sum(map(len, stances))
-    stances, shortened = _shortened(body, stances)
+    lasts = max(trajectory.duration, (2 * REST + (before - len(stances)) * (SWING + BOTH)) * body.beat)
+    more = int((longest * trajectory.duration - lasts) / ((SWING + BOTH) * body.beat))
+    stances, shortened = _shortened(body, stances, more)
     swings = sorted(
         (
             Swing(i, before, after, before.end, after.start)
@@ -114,9 +121,19 @@ def _stances(leg: Leg, at: Poses, flags: Flags, shortest: int) -> list[Stance]:
     place = at.place[:, leg.body, :2]
     return [
         Stance(start, end, place[start:end].mean(0), float(yaw[start:end].mean()))
-        for start, end in runs(flags)
+        for start, end in _without_pivots(runs(flags), yaw)
         if end - start >= shortest
     ]
+
+
+def _without_pivots(stood: Iterable[tuple[int, int]], yaw: Array) -> Iterator[tuple[int, int]]:
+    """The stretches of frames in which a foot stood, cut where it has turned by `PIVOT` rad."""
+    for start, end in stood:
+        for frame in range(start, end):
+            if abs(yaw[frame] - yaw[start]) > PIVOT:
+                yield start, frame
+                start = frame
+        yield start, end
 
 
 def _merged(body: Body, leg: Leg, at: Poses, told: list[Stance], begins: int, early: int) -> list[Stance]:
@@ -159,11 +176,11 @@ def _close(body: Body, at: Poses, stances: list[list[Stance]], ends: int, early:
     return closing
 
 
-def _shortened(body: Body, stances: list[list[Stance]]) -> tuple[list[list[Stance]], float]:
+def _shortened(body: Body, stances: list[list[Stance]], more: int) -> tuple[list[list[Stance]], float]:
     """No step longer, wider, narrower or turned more than legs take, and by how many metres the longest was cut.
 
-    Steps that cannot turn as far as they should are followed by more of them, on the spot, until the feet face where
-    they should in the end.
+    Steps that cannot turn as far as they should are followed by `more` of them at most, on the spot, until the feet
+    face where they should in the end.
     """
     out = [[mine[0]] for mine in stances]
     if len(stances) != 2:
@@ -177,7 +194,7 @@ def _shortened(body: Body, stances: list[list[Stance]]) -> tuple[list[list[Stanc
     if not landings:
         return out, cut
     foot = 1 - landings[-1][1]
-    for _ in range(MORE):
+    for _ in range(more):
         last, other = out[foot][-1], out[1 - foot][-1]
         if max(abs(mine[-1].yaw - now[-1].yaw) for mine, now in zip(stances, out, strict=True)) < TURNS:
             break
