@@ -62,7 +62,7 @@ def pushed_apart(rig: Rig, qpos: Array, fps: float, gives: NDArray[np.bool_]) ->
         np.add.at(curvature, met.frame, FIRM * rows[:, :, None] * rows[:, None])
         np.add.at(gradient, met.frame, FIRM * rows * lacks[:, None])
         equations = Equations(curvature, gradient)
-        equations.add_differences(SECOND, np.float64((SMOOTH * fps) ** 4), np.diff(added, n=2, axis=0))
+        equations.add_differences(SECOND, np.full(1, (SMOOTH * fps) ** 4), np.diff(added, n=2, axis=0))
         then = added + equations.solved(0, np.zeros_like(added))
         then = np.clip(qpos[:, 7 + columns] + then, low, high) - qpos[:, 7 + columns]
         change, added = float(np.abs(then - added).max(initial=0.0)), then

@@ -56,4 +56,4 @@ def leg_joints(rig: Rig) -> NDArray[np.bool_]:
     """(nj,) joints between the root and a foot."""
     tree = tree_of(load_model(rig))
     feet = [tree.model.body(foot.body).id for foot in rig.feet]
-    return tree.carries[feet][:, ROOT_DOFS:].any(0) if feet else np.zeros(len(rig.joints), bool)
+    return np.asarray(tree.carries[feet][:, ROOT_DOFS:].any(0)) if feet else np.zeros(len(rig.joints), bool)
