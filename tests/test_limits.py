@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from motiongen.rotation import Array
 from retarget.limits import Limits, limits_of, next_within, within
@@ -29,8 +31,30 @@ def test_within_moves_only_what_is_beyond() -> None:
     kept = within(jumps, ONE)
     assert np.abs(kept).max() <= 1.0
     assert np.abs(np.diff(kept, axis=0)).max() <= 0.1 + 1e-12
+    assert np.abs(np.diff(kept, n=2, axis=0)).max() <= 0.02 + 1e-12
     step = np.where(np.arange(41) < 20, 0.0, 1.0)[:, None]
-    assert within(step, ONE)[19:21, 0] == pytest.approx([0.45, 0.55])  # half of the jump on either side
+    harsh = replace(ONE, bend=np.array([np.inf]))
+    assert within(step, harsh)[19:21, 0] == pytest.approx([0.45, 0.55])  # half of the jump on either side
+
+
+def test_what_bends_too_sharply_goes_to_the_nearest_that_does_not() -> None:
+    """Against a general solver of constrained least squares (SLSQP)."""
+    wanted = 0.9 * np.sin(np.linspace(0, 9, 40)) ** 3
+    limits = Limits(ONE.reach, np.array([0.3]), np.array([0.05]))
+    first, second = np.diff(np.eye(40), n=1, axis=0), np.diff(np.eye(40), n=2, axis=0)
+    rows = np.concatenate([0.3 - np.zeros(39), 0.3 - np.zeros(39), np.full(38, 0.05), np.full(38, 0.05)])
+    sides = np.concatenate([first, -first, second, -second])
+    nearest = minimize(
+        lambda x: 0.5 * ((x - wanted) ** 2).sum(),
+        np.zeros(40),
+        jac=lambda x: x - wanted,
+        bounds=[(-1.0, 1.0)] * 40,
+        constraints={"type": "ineq", "fun": lambda x: rows - sides @ x, "jac": lambda x: -sides},
+        method="SLSQP",
+    )
+    kept = within(wanted[:, None], limits)[:, 0]
+    assert np.abs(nearest.x - wanted).max() > 0.03
+    assert kept == pytest.approx(nearest.x, abs=0.01)  # bounds are narrower by a hundredth
 
 
 def test_the_next_frame_keeps_to_every_limit_whatever_is_wanted() -> None:
