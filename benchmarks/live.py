@@ -73,6 +73,8 @@ def main() -> int:
 def speed(weights: Path, quick: bool, found: Found) -> None:
     """Seconds of motion that the generator alone makes in a second, and what a pass of the network takes in each way
     there is to run it."""
+    from live_ways import ways
+
     live = LiveGenerator(weights)
     live.say("walk forward")
     live.next_chunk()
@@ -84,43 +86,7 @@ def speed(weights: Path, quick: bool, found: Found) -> None:
     found.figures["generator_times_by_processor_time"] = round((live.frame - first) / FPS / busy, 1)
     found.lines.append(Line("generator", "times real time", times, GENERATOR, at_least=True))
     found.figures["chunk_ms"] = 1e3 * took / count
-    found.figures["pass_ms"] = _ways(live, quick)
-
-
-def _ways(live: LiveGenerator, quick: bool) -> dict[str, float]:
-    """Milliseconds of one guided pass, by how it is run; those that are not installed are left out."""
-    import numpy as np
-    import torch
-
-    from motiongen.diffusion.configs import MdmConfig
-    from motiongen.diffusion.mdm import Mdm
-    from motiongen.diffusion.mdm_run import denoise
-    from motiongen.diffusion.said import texts, with_nothing
-    from motiongen.text.encoder import TextEncoder
-
-    model = live.weights
-    said = with_nothing(texts(TextEncoder(), ["walk forward"]))
-    x = np.random.default_rng(0).standard_normal((2, model.window, len(model.mean)), np.float32)
-    steering, frames = np.zeros((2, model.window, int(model.sizes["steering"])), np.float32), np.ones(x.shape[:2], bool)
-    sizes = {name: int(model.sizes[name]) for name in ("patch", "heads")}
-    repeats = 10 if quick else 50
-    out = {"numpy": _median_ms(lambda: denoise(model.tensors, sizes, x, 0.5, frames, said, steering), repeats)}
-    torch.set_num_threads(1)
-    network = Mdm(MdmConfig(**model.sizes)).eval()
-    network.load_state_dict({k: torch.from_numpy(v) for k, v in model.tensors.items()})
-    given = tuple(
-        torch.from_numpy(np.asarray(y))
-        for y in (x, np.full(2, 0.5, np.float32), frames, said.words, said.word_mask, said.sentence, said.keep)
-    )
-    with torch.inference_mode():
-        told = (*given, None, torch.from_numpy(steering))
-        out["torch eager"] = _median_ms(lambda: network(*told), repeats)
-        with torch.autocast("cpu", torch.bfloat16):
-            out["torch eager, bfloat16"] = _median_ms(lambda: network(*told), repeats)
-        if not quick:
-            compiled = torch.compile(network)
-            out["torch.compile"] = _median_ms(lambda: compiled(*told), repeats)
-    return {name: round(value, 2) for name, value in out.items()}
+    found.figures["pass"] = ways(live, quick)
 
 
 def _median_ms(run: Callable[[], object], repeats: int) -> float:
