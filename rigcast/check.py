@@ -1,10 +1,11 @@
-"""`rigcast check FILE`: the physics report, and nothing else."""
+"""`rigcast check FILE`: the physics report, printed, written as a page, filmed."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, UseAppendAction, arg
 
 from retarget.rig import Mount
 from retarget.robot_csv import Style
@@ -24,9 +25,10 @@ def check(
     fix: bool = False,
     trials: int = 0,
     seed: int = 0,
+    out: Annotated[UseAppendAction[tuple[Path, ...]], arg(metavar="FILE")] = (),
     json: bool = False,
 ) -> int:
-    """Put FILE through physics and print the report; exit 0 where it passes, 1 where it fails, 2 where unreadable.
+    """Put FILE through physics and report on it; exit 0 where it passes, 1 where it fails, 2 where unreadable.
 
     Args:
         file: .bvh, .npz (rigcast's or AMASS), .npy (HumanML3D) or .csv (a rig's joints); see docs/files.md.
@@ -37,16 +39,24 @@ def check(
         fix: Mend what fails and judge that; --out of `play` writes it.
         trials: Also on so many rigs a little other than thought, each pushed once; nine in ten must pass.
         seed: Of what is other in the trials.
+        out: Write the report, whatever it says: .html (one page with pictures and plots), .json, or .mp4 .gif .png of
+            what physics made of the motion.
         json: Print one JSON document instead of a table.
     """
+    from rigcast.outputs import TELLING, require_writable, write
     from rigcast.pipeline import read, take
 
+    require_writable(out, has_motion=False, known=TELLING)
     what = read(file, rig, style, fps)
     taken = take(what, rig_for(what, rig), mount, Times(), fix=fix, trials=trials, seed=seed)
+    for path in out:
+        write(taken, path)
     if json:
         show.print_json(show.take_dict(taken))
     else:
         show.console().print(show.report_table(taken.report))
         for change in taken.report.changes:
             print(f"mended: {change.text}")
+        for path in out:
+            print(f"wrote {path}")
     return 0 if taken.report.ok else 1

@@ -107,7 +107,7 @@ def table(seconds: dict[str, float], report: Report, driven: dict[str, Any]) -> 
         rows.add_row(stage, f"{spent:.2f}", "", "s")
     rows.add_row("all", f"{sum(seconds.values()):.2f}", "60", "s", end_section=True)
     for check in report.checks:
-        rows.add_row(f"report: {check.name}", show.found(check), f"{check.limit:.4g}", check.unit)
+        rows.add_row(f"report: {check.name}", check.found, f"{check.limit:.4g}", check.unit)
     rows.add_row(f"report {report.report_id}", "pass" if report.ok else "fail", "", "", end_section=True)
     for joint, error in zip(driven["joints"], driven["rms_error"], strict=True):
         rows.add_row(f"servo error: {joint}", f"{error:.4f}", "", "rad rms")

@@ -4,26 +4,32 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from motiongen.motion import Motion
 from retarget.robot_csv import Style
 from rigcast.pipeline import Take
+from rigcast.show import origin_line
+
+if TYPE_CHECKING:
+    from sim.preview import Preview
 
 
 class OutputError(ValueError):
     """An `--out` that cannot be written; the message names it and what would do."""
 
 
-def require_writable(paths: Iterable[Path], *, has_motion: bool) -> None:
+def require_writable(paths: Iterable[Path], *, has_motion: bool, known: Collection[str] | None = None) -> None:
     """Raise OutputError for an unknown suffix, a folder that is not there or not writable, or a path given twice.
 
-    `has_motion`: whether human motion will be there to write, or only a trajectory.
+    `has_motion`: whether human motion will be there to write, or only a trajectory. `known`: the suffixes that may be
+    written; by default all.
     """
     seen: set[Path] = set()
     for path in paths:
-        suffix = suffix_of(path)
+        suffix = suffix_of(path, known)
         if suffix in FROM_MOTION and not has_motion:
             raise OutputError(f"{path}: {suffix} holds human motion, but the input is a rig's trajectory")
         if path.is_dir() or not path.parent.is_dir():
@@ -35,12 +41,13 @@ def require_writable(paths: Iterable[Path], *, has_motion: bool) -> None:
         seen.add(path.resolve())
 
 
-def suffix_of(path: Path) -> str:
-    """The suffix that decides what is written; raises OutputError that lists them."""
-    for suffix in WRITERS:  # the longer before the shorter
+def suffix_of(path: Path, known: Collection[str] | None = None) -> str:
+    """The suffix, of those that are `known`, that decides what is written; raises OutputError that lists them."""
+    known = WRITERS if known is None else known
+    for suffix in known:  # the longer before the shorter
         if path.name.endswith(suffix) and path.name != suffix:
             return suffix
-    raise OutputError(f"{path}: unknown suffix; known are {', '.join(WRITERS)}")
+    raise OutputError(f"{path}: unknown suffix; known are {', '.join(known)}")
 
 
 def write(take: Take, path: Path) -> None:
@@ -112,6 +119,20 @@ def _report_json(take: Take, path: Path) -> None:
         temporary.write_text(json.dumps(take.report.to_dict(), indent=2) + "\n", encoding="utf-8")
 
 
+def _report_page(take: Take, path: Path) -> None:
+    from sim.report_page import write_page
+
+    write_page(preview_of(take), path, origin_line(take))
+
+
+def preview_of(take: Take) -> Preview:
+    """What previews show of `take`, with its servos as they were measured where they were."""
+    from drivers.measured import as_measured
+    from sim.preview import prepare
+
+    return prepare(take.trajectory, as_measured(take.rig), take.report, take.rollout)
+
+
 def _video(take: Take, path: Path) -> None:
     from sim.render import render_video
 
@@ -143,8 +164,10 @@ WRITERS: dict[str, Callable[[Take, Path], None]] = {
     ".gmr.csv": _csv("gmr"),
     ".csv": _csv("ours"),
     ".json": _report_json,
+    ".html": _report_page,
     ".mp4": _video,
     ".gif": _video,
     ".png": _sheet,
 }
+TELLING = (".html", ".json", ".mp4", ".gif", ".png")  # of a take that failed as well as of one that passed
 FROM_MOTION = (".motion.npz", ".amass.npz", ".bvh", ".glb", ".kit.npy", ".npy")

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from rigcast.pipeline import Take
-from sim.report import Check, Report, Trials
+from sim.report import Check, Report
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,24 +38,13 @@ def report_table(report: Report) -> Table:
     verdict = "[green]pass[/]" if report.ok else "[red]fail[/]"
     title = f"{report.rig} on {report.mount}, {report.controller}: {verdict} (report {report.report_id})"
     if report.trials is not None:
-        title += f"\n{trials_line(report.trials)}"
+        title += f"\n{report.trials.text}"
     table = new_table("check", "found", "limit", "unit", "", title=title)
     for column in (1, 2):
         table.columns[column].justify = "right"
     for check in report.checks:
-        table.add_row(check.name, found(check), f"{check.limit:.4g}", check.unit, _verdict(check))
+        table.add_row(check.name, check.found, f"{check.limit:.4g}", check.unit, _verdict(check))
     return table
-
-
-def trials_line(trials: Trials) -> str:
-    """How many trials passed, and what the others failed."""
-    why = ", ".join(f"{name} {count}" for name, count in trials.failures)
-    return f"{trials.passed} of {trials.count} trials passed (seed {trials.seed})" + (f"; failed: {why}" if why else "")
-
-
-def found(check: Check) -> str:
-    """The figure of a check, without the digits that are only rounding."""
-    return f"{round(check.value, 6):.4g}" if check.applies else "–"
 
 
 def _verdict(check: Check) -> str:

@@ -50,12 +50,12 @@ def render_video(
     film_fps = _film_fps(fps * speed, suffix)
     count = max(1, round(len(qpos) * film_fps / (fps * speed)))
     rows = np.minimum((np.arange(count) * fps * speed / film_fps).astype(int), len(qpos) - 1)
-    pictures = _pictures(qpos, fps, rows, rig, mount, size, title)
+    drawn = pictures(qpos, fps, rows, rig, mount, size, title)
     with replacing(path) as unfinished:
         if suffix == ".mp4":
-            _write_mp4(unfinished, pictures, film_fps, size)
+            _write_mp4(unfinished, drawn, film_fps, size)
         else:
-            _write_gif(unfinished, pictures, film_fps)
+            _write_gif(unfinished, drawn, film_fps)
     return count
 
 
@@ -83,7 +83,7 @@ def render_sheet(
     columns = min(columns, panels)
     head = 40 if title else 0
     sheet = Image.new("RGB", (columns * size[0], head + -(-panels // columns) * size[1]), "white")
-    for i, pixels in enumerate(_pictures(qpos, fps, rows, rig, mount, size, "", fine=True)):
+    for i, pixels in enumerate(pictures(qpos, fps, rows, rig, mount, size, fine=True)):
         panel = Image.fromarray(pixels)
         _write_text(panel, f"{rows[i] / fps:.2f} s", (10, 8), size[1] // 20)
         sheet.paste(panel, (i % columns * size[0], head + i // columns * size[1]))
@@ -99,16 +99,20 @@ def _film_fps(fps: float, suffix: str) -> float:
     return 1000 / (GIF_TICK * max(1, round(1000 / GIF_TICK / fastest)))
 
 
-def _pictures(
+def pictures(
     qpos: Array,
     fps: float,
     rows: NDArray[np.int_],
     rig: Rig,
     mount: Mount | None,
     size: tuple[int, int],
-    title: str,
+    title: str = "",
     fine: bool = False,
 ) -> Iterator[Pixels]:
+    """The given `rows` of `qpos` (T, 7 + nj) as pictures (height, width, 3), by a camera that follows the whole of it.
+
+    Raises RuntimeError without OpenGL.
+    """
     stage = build_stage(rig, mount, width=size[0], height=size[1], fine=fine)
     cameras = follow(qpos, fps, stage)
     with canvas(stage, size) as drawing:

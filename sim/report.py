@@ -26,6 +26,11 @@ class Check:
     applies: bool = True
     at_s: float | None = None
 
+    @property
+    def found(self) -> str:
+        """The figure in words, without the digits that are only rounding."""
+        return f"{round(self.value, 6):.4g}" if self.applies else "–"
+
 
 @dataclass(frozen=True)
 class Change:
@@ -50,6 +55,12 @@ class Trials:
     def rate(self) -> float:
         """Share of the trials that passed."""
         return self.passed / self.count
+
+    @property
+    def text(self) -> str:
+        """How many passed, and what the others failed, in one line."""
+        why = ", ".join(f"{name} {count}" for name, count in self.failures)
+        return f"{self.passed} of {self.count} trials passed (seed {self.seed})" + (f"; failed: {why}" if why else "")
 
 
 @dataclass(frozen=True)

@@ -270,8 +270,8 @@ class _Holds:
         torque = forces[:, :joints]
         dof = 1 + self.nq + self.scene.joint_dof
         speed = np.concatenate([before[None, dof], states[:-1, dof]])  # at the start of each step, as the torque is
-        low = np.maximum(-self.torque - self.slope * speed, -self.torque) + AT_LIMIT * self.torque
-        high = np.minimum(self.torque - self.slope * speed, self.torque) - AT_LIMIT * self.torque
+        low, high = torque_range(self.torque, self.slope, speed)
+        low, high = low + AT_LIMIT * self.torque, high - AT_LIMIT * self.torque
         last = np.maximum(ends - 1, 0)
         self.qpos[rows], self.given[rows] = states[last, 1 : 1 + self.nq], torque[last]
         self.saturated[rows] = _means((torque >= high) | (torque <= low), ends)
@@ -311,6 +311,14 @@ class _Holds:
             weight=scene.weight,
             breakdown=breakdown,
         )
+
+
+def torque_range(stall: Array, slope: Array, speed: Array) -> tuple[Array, Array]:
+    """Least and most torque (T, n) N·m that motors have left at `speed` (T, n) rad/s.
+
+    `stall` (n,) N·m at rest; `slope` (n,) N·m·s/rad: what is lost for every rad/s in the direction of the turn.
+    """
+    return np.maximum(-stall - slope * speed, -stall), np.minimum(stall - slope * speed, stall)
 
 
 def _means(values: NDArray, ends: NDArray[np.int_]) -> Array:
