@@ -90,7 +90,9 @@ def _grid(x: Scale, y: Scale, last: float, span: tuple[float, float], unit: str,
     parts = []
     for value in ticks(*span):
         at, strong = f"{y(value):.1f}", TEXT if value == 0 else GRID
-        parts.append(f'<line x1="{LEFT}" x2="{width - RIGHT}" y1="{at}" y2="{at}" stroke="{strong}" stroke-width=".7"/>')
+        parts.append(
+            f'<line x1="{LEFT}" x2="{width - RIGHT}" y1="{at}" y2="{at}" stroke="{strong}" stroke-width=".7"/>'
+        )
         parts.append(f'<text x="{LEFT - 4}" y="{float(at) + 3:.1f}" text-anchor="end" fill="{TEXT}">{value:g}</text>')
     for value in ticks(0.0, last):
         at = f"{x(value):.1f}"

@@ -37,7 +37,8 @@ table{border-collapse:collapse;width:100%;font-size:14px}
 td,th{text-align:left;padding:4px 10px 4px 0;border-bottom:1px solid #e3e7ec;vertical-align:top}
 .number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
 .bad td{background:#fdecea}.bad td:first-child{font-weight:700;color:#c62828}.off td{color:#98a1ad}
-.joints{display:grid;grid-template-columns:1fr 1fr;gap:4px 18px}.joints h3{grid-column:1/-1;font-size:14px;margin:8px 0 0}
+.joints{display:grid;grid-template-columns:1fr 1fr;gap:4px 18px}.joints h3{grid-column:1/-1}
+.joints h3{font-size:14px;margin:8px 0 0}
 .key{font-size:13px;color:#5b6675}.key b{font-weight:600}summary{cursor:pointer;margin:10px 0}
 @media(max-width:700px){.joints{grid-template-columns:1fr}}
 """
@@ -152,7 +153,9 @@ def _plots(preview: Preview) -> str:
     out += f'<h2>Joints</h2><p class="key">{JOINT_KEY}</p><div class="joints">{"".join(joints[:SHOWN_JOINTS])}</div>'
     if len(joints) > SHOWN_JOINTS:
         rest = "".join(joints[SHOWN_JOINTS:])
-        out += f'<details><summary>{len(joints) - SHOWN_JOINTS} more</summary><div class="joints">{rest}</div></details>'
+        out += (
+            f'<details><summary>{len(joints) - SHOWN_JOINTS} more</summary><div class="joints">{rest}</div></details>'
+        )
     return out
 
 
