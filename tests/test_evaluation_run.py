@@ -198,7 +198,7 @@ def test_a_folder_is_scored_by_its_own_captions(tmp_path: Path) -> None:
 
 
 def test_a_subject_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(PromptError, match="no subject 'mdn'; there are mdm, motiondiffuse, diffusionphase, live"):
+    with pytest.raises(PromptError, match="no subject 'mdn'; there are mdm, free, motiondiffuse, diffusionphase, live"):
         open_subject("mdn", dataset(tmp_path))
 
 
