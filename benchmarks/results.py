@@ -186,7 +186,7 @@ No figure here was typed.
 `rigcast eval`, on up to {plan["clips"]} held-out captions and {plan["language"]} prompts a category of the language
 tests; ± is half of the 95 % interval. [evaluation.md](evaluation.md) says what each measure is. `real` are held-out
 clips: the ceiling. `best of {most}` draws up to {most} motions and keeps the one that measures right, as `rigcast say`
-does. `retrieval` is the training clip with the nearest caption. A prompt that a generator refuses counts as wrong, and
+does{_older(single, several)}. `retrieval` is the training clip with the nearest caption. A prompt that a generator refuses counts as wrong, and
 as nobody moving: {_refusals(single)}.
 
 {_table(both)}
@@ -244,6 +244,12 @@ through a serial path. The error is that of each servo against its command a cyc
 """
 
 
+def _older(single: Results, several: Results) -> str:
+    """Says so where the two runs drew with different code."""
+    codes = [_by_name(results, MODEL).digest.split()[0] for results in (single, several)]
+    return "" if codes[0] == codes[1] else f" (drawn by another state of the code, {codes[1]}; the rest by {codes[0]})"
+
+
 def _refusals(results: Results) -> str:
     return ", ".join(f"{s.name} {s.refused}" for s in results.subjects if s.refused) or "none did"
 
@@ -266,7 +272,7 @@ Written by `benchmarks/results.py` on {results.date}, {results.machine}; no figu
 
 | | |
 |---|---|
-| file | `motiongen/weights/{file.name}`, half precision, {file.stat().st_size / 1e6:.2f} MB, digest `{w.digest}` |
+| file | `motiongen/weights/{file.name}`, {file.stat().st_size / 1e6:.2f} MB, digest `{w.digest}` |
 | licence of the weights | {w.licence} |
 {about}
 | output | 22 joints of SMPL at {FPS:g} frames/s, 1 to 60 s; beyond {w.window / FPS:g} s window by window |
