@@ -186,7 +186,8 @@ No figure here was typed.
 `rigcast eval`, on up to {plan["clips"]} held-out captions and {plan["language"]} prompts a category of the language
 tests; ± is half of the 95 % interval. [evaluation.md](evaluation.md) says what each measure is. `real` are held-out
 clips: the ceiling. `best of {most}` draws up to {most} motions and keeps the one that measures right, as `rigcast say`
-does{_older(single, several)}. `retrieval` is the training clip with the nearest caption. A prompt that a generator refuses counts as wrong, and
+does{_older(single, several)}.
+`retrieval` is the training clip with the nearest caption. A prompt that a generator refuses counts as wrong, and
 as nobody moving: {_refusals(single)}.
 
 {_table(both)}
