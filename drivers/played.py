@@ -18,6 +18,7 @@ from retarget.trajectory import Trajectory
 
 NS = 1_000_000_000
 THERE = 0.1  # rad: so near its first pose a rig may begin
+SETTLE_S = 0.5  # and has come to rest there after so long, as it had before it was checked
 BEGIN_S = 5.0  # and begins at the latest; a joint that is far off by then trips
 
 
@@ -44,13 +45,14 @@ class Played:
         self._order = [s.joint for s in rig.servos]
         self._seq = 0
         self._asked_ns: int | None = None
-        self._there = False
+        self._there_ns: int | None = None
         self._began_ns: int | None = None
 
     def poll(self, now_ns: int) -> Frame | None:
         """The frame that is due at `now_ns`: the first until the rig is there, none once all have been."""
         self._asked_ns = now_ns if self._asked_ns is None else self._asked_ns
-        if self._began_ns is None and (self._there or now_ns - self._asked_ns > BEGIN_S * NS):
+        rests = self._there_ns is not None and now_ns - self._there_ns > SETTLE_S * NS
+        if self._began_ns is None and (rests or now_ns - self._asked_ns > BEGIN_S * NS):
             self._began_ns = now_ns
         began = now_ns if self._began_ns is None else self._began_ns
         k = (now_ns - began) // self._frames[0].period_ns
@@ -69,6 +71,7 @@ class Played:
 
     def send_state(self, state: RigState) -> None:
         """The rig tells where it is: from its first pose on the motion runs."""
-        if not self._there and state.mode == "following":
+        if self._there_ns is None and state.mode == "following":
             first = np.array([self._first[j] for j in self._order])
-            self._there = bool(np.abs(np.array(state.position) - first).max() < THERE)
+            if np.abs(np.array(state.position) - first).max() < THERE:
+                self._there_ns = state.time_ns
