@@ -53,15 +53,31 @@ def main(runs: Annotated[Path, tyro.conf.Positional] = Path("runs"), quick: bool
     data, out = runs / "data", runs / "results"
     _rigcast("data", "build", *_sources(), "--out", str(data))
     shared = ["--data", str(data), "--evaluators", str(out / "evaluators"), *shorter]
-    _rigcast("eval", *SUBJECTS, *shared, "--out", str(out), "--rig", RIG)
-    best = runs / "results-candidates"
-    _rigcast("eval", MODEL, *shared, "--out", str(best), "--rig", RIG, "--candidates", str(DEFAULT_CANDIDATES))
-    single, several = (read_results(folder / "results.json") for folder in (out, best))
+    single = _joined([_evaluated(name, out / name, shared) for name in SUBJECTS])
+    several = _evaluated(MODEL, runs / "results-candidates", [*shared, "--candidates", str(DEFAULT_CANDIDATES)])
     cold = json.loads(_run(sys.executable, str(ROOT / "benchmarks/cold_start.py"), "--json", *shorter))
     _write(ROOT / "docs/results.md", results_page(single, several, cold, _demo(), quick=quick))
     _write(ROOT / "docs/model-card.md", card(MODEL, _together(single, several)))
     for name in OTHERS:
         _write(ROOT / f"docs/model-card-{name}.md", card(name, single))
+
+
+def _evaluated(name: str, folder: Path, options: Sequence[str]) -> Results:
+    """What `rigcast eval` finds of a subject; a folder that holds it already is believed."""
+    if not (folder / "results.json").exists():
+        _rigcast("eval", name, *options, "--out", str(folder), "--rig", RIG)
+    return read_results(folder / "results.json")
+
+
+def _joined(found: Sequence[Results]) -> Results:
+    """Runs of one subject each as one run. Raises SystemExit where they were not asked the same."""
+    first = found[0]
+    for results in found:
+        if any(getattr(results, part) != getattr(first, part) for part in ("plan", "data_digest", "judges", "seed")):
+            raise SystemExit(f"{results.subjects[0].name} was not evaluated as the others were; delete its folder")
+    texts = {digest: said for results in found for digest, said in results.texts.items()}
+    subjects = tuple(subject for results in found for subject in results.subjects)
+    return msgspec.structs.replace(first, date=max(r.date for r in found), texts=texts, subjects=subjects)
 
 
 def _sources() -> list[str]:
