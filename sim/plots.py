@@ -15,7 +15,7 @@ Scale = Callable[[float], float]
 
 LEFT, RIGHT, TOP, BOTTOM = 46, 8, 8, 18  # pixels around the plot, for the figures of its axes
 MOST_POINTS = 400  # of a line: more than its pixels draw nothing else
-TICKS = 4  # at most, on each axis
+TICKS = 5  # at most, on each axis
 GRID, TEXT, ALARM = "#e3e7ec", "#5b6675", "#c62828"
 
 

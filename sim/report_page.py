@@ -32,7 +32,7 @@ p{margin:4px 0}.quiet{color:#5b6675;font-size:13px}
 .strip{display:grid;grid-template-columns:repeat(auto-fill,minmax(118px,1fr));gap:6px}
 .faults{display:grid;grid-template-columns:repeat(auto-fill,minmax(240px,1fr));gap:14px}
 figure{margin:0}figure img{width:100%;border-radius:4px;display:block}
-figcaption{font-size:13px;color:#5b6675}.faults img{outline:3px solid #c62828}
+figcaption{font-size:13px;color:#5b6675;margin-top:5px}.faults img{outline:3px solid #c62828}
 table{border-collapse:collapse;width:100%;font-size:14px}
 td,th{text-align:left;padding:4px 10px 4px 0;border-bottom:1px solid #e3e7ec;vertical-align:top}
 .number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
