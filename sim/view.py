@@ -8,7 +8,6 @@ import threading
 import time
 import warnings
 from collections.abc import Callable
-from contextlib import redirect_stdout
 
 import mujoco
 import numpy as np
@@ -23,7 +22,6 @@ Poses = Callable[[], Pose | None]  # the newest pose, or None while there is non
 
 PERIOD = 1 / 60  # s between two looks at the source
 CLOSING = 5.0  # s to wait for the window to go
-LOCAL = "127.0.0.1"  # nobody else on the network gets to see it
 OTHER_WAYS = "use --view web, or write a film with --out FILE.mp4"
 
 
@@ -66,31 +64,27 @@ def view_web(
 ) -> None:
     """Show the newest pose in a browser page on this machine alone, until `stop` is set or Ctrl-C.
 
-    Prints the address on stderr. Raises RuntimeError where the port is taken.
+    Prints the address on stderr, which ends in a token: without it there is no page. Raises RuntimeError where the port
+    is taken.
     """
-    import viser
     from mjviser import ViserMujocoScene
 
-    with redirect_stdout(sys.stderr):  # viser reports what it does on stdout, where only results belong
-        server = viser.ViserServer(host=LOCAL, port=port, label=f"rigcast: {rig.name}", verbose=False)
-        try:
-            if server.get_port() != port:  # viser quietly takes the next one
-                raise RuntimeError(f"port {port} is taken; choose another with --port")
-            print(f"open http://{LOCAL}:{port} in a browser; Ctrl-C ends", file=sys.stderr, flush=True)
-            stage, start = build_stage(rig, mount), _nominal(rig, mount)
-            data = mujoco.MjData(stage.model)
-            scene = ViserMujocoScene(server, stage.model, num_envs=1)
-            server.initial_camera.position, server.initial_camera.look_at = _web_camera(start, stage)
-            server.initial_camera.fov = float(np.radians(FIELD_OF_VIEW))
+    from sim.guarded import guarded_server
 
-            def show(row: Array) -> None:
-                stage.place(data, row)
-                scene.update_from_mjdata(data)
+    with guarded_server(port, f"rigcast: {rig.name}") as (server, address):
+        print(f"open {address} in a browser; Ctrl-C ends", file=sys.stderr, flush=True)
+        stage, start = build_stage(rig, mount), _nominal(rig, mount)
+        data = mujoco.MjData(stage.model)
+        scene = ViserMujocoScene(server, stage.model, num_envs=1)
+        server.initial_camera.position, server.initial_camera.look_at = _web_camera(start, stage)
+        server.initial_camera.fov = float(np.radians(FIELD_OF_VIEW))
 
-            show(start)
-            _follow(poses, show, lambda: not (stop and stop.is_set()))
-        finally:
-            server.stop()
+        def show(row: Array) -> None:
+            stage.place(data, row)
+            scene.update_from_mjdata(data)
+
+        show(start)
+        _follow(poses, show, lambda: not (stop and stop.is_set()))
 
 
 def _follow(poses: Poses, show: Callable[[Array], None], running: Callable[[], bool]) -> None:
