@@ -31,7 +31,7 @@ def guarded_server(port: int, label: str) -> Iterator[tuple[viser.ViserServer, s
     token = secrets.token_urlsafe(TOKEN_BYTES)
 
     class Guarded(ServerConnection):
-        async def handshake(self, process_request=None, process_response=None, server_header=None) -> None:  # type: ignore[no-untyped-def, override]
+        async def handshake(self, process_request=None, process_response=None, server_header=None) -> None:  # type: ignore[no-untyped-def]
             await super().handshake(partial(_let_in, token, port, process_request), process_response, server_header)
 
     serve = websockets.asyncio.server.serve
