@@ -41,7 +41,7 @@ AFTER = {
     "clean motion and listens to every word by cross-attention",
     "motiondiffuse": "after MotionDiffuse (Zhang et al. 2022): a cross-modality linear transformer that estimates the\n"
     "noise, its blocks styled by text and noise level ([motiondiffuse.md](motiondiffuse.md))",
-    "free": "the network of [mdm](model-card.md), trained only on motion that may be used commercially: CMU's clips,\n"
+    "free": "the network of [mdm](model-card.md) with a layer less, trained only on motion that may be used commercially: CMU's clips,\n"
     "our own gestures, and what is composed of these",
 }
 LARGER = (
@@ -55,7 +55,8 @@ def main(runs: Annotated[Path, tyro.conf.Positional] = Path("runs"), quick: bool
     """Build, evaluate, and write the pages."""
     shorter = ["--quick"] if quick else []
     data, out = runs / "data", runs / "results"
-    _rigcast("data", "build", *_sources(), "--out", str(data))
+    if not data.exists():
+        _rigcast("data", "build", *_sources(), "--out", str(data))
     shared = ["--data", str(data), "--evaluators", str(out / "evaluators"), *shorter]
     single = _joined([_evaluated(name, out / name, shared) for name in SUBJECTS])
     several = _evaluated(MODEL, runs / "results-candidates", [*shared, "--candidates", str(DEFAULT_CANDIDATES)])

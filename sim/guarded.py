@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import secrets
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
 from functools import partial
 from http import HTTPStatus
+from io import StringIO
+from typing import TYPE_CHECKING
 
-import viser
-import websockets.asyncio.server
-from websockets import Headers
-from websockets.asyncio.server import ServerConnection
-from websockets.http11 import Request, Response
+if TYPE_CHECKING:
+    import viser
+    from websockets import Headers
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
 
 LOCAL = "127.0.0.1"  # nobody else on the network gets to see it
 TOKEN_BYTES = 16
@@ -28,6 +29,10 @@ def guarded_server(port: int, label: str) -> Iterator[tuple[viser.ViserServer, s
     Any request, the WebSocket's too, without the token or with another page's Origin gets 403. Raises RuntimeError
     where the port is taken.
     """
+    import viser
+    import websockets.asyncio.server
+    from websockets.asyncio.server import ServerConnection
+
     token = secrets.token_urlsafe(TOKEN_BYTES)
 
     class Guarded(ServerConnection):
@@ -35,7 +40,7 @@ def guarded_server(port: int, label: str) -> Iterator[tuple[viser.ViserServer, s
             await super().handshake(partial(_let_in, token, port, process_request), process_response, server_header)
 
     serve = websockets.asyncio.server.serve
-    with redirect_stdout(sys.stderr):  # viser reports what it does on stdout, where only results belong
+    with redirect_stdout(StringIO()):  # viser prints an address that lacks the token
         # viser has no way to pass a class of connections on; it serves before it returns.
         websockets.asyncio.server.serve = partial(serve, create_connection=Guarded)  # type: ignore[assignment, misc]
         try:
@@ -59,6 +64,9 @@ def _let_in(
     request: Request,
 ) -> Response | None:
     """What viser answers to a request that may pass, with the token taken out of its path; else 403."""
+    from websockets import Headers
+    from websockets.http11 import Response
+
     given, _, path = request.path.partition("?")[0].removeprefix("/").partition("/")
     if not secrets.compare_digest(given.encode(), token.encode()) or not _own(request.headers, port):
         headers = Headers(
