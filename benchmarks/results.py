@@ -41,8 +41,8 @@ AFTER = {
     "clean motion and listens to every word by cross-attention",
     "motiondiffuse": "after MotionDiffuse (Zhang et al. 2022): a cross-modality linear transformer that estimates the\n"
     "noise, its blocks styled by text and noise level ([motiondiffuse.md](motiondiffuse.md))",
-    "free": "the network of [mdm](model-card.md) with a layer less, trained only on motion that may be used commercially: CMU's clips,\n"
-    "our own gestures, and what is composed of these",
+    "free": "the network of [mdm](model-card.md) with a layer less, trained only on motion that may be\n"
+    "used commercially: CMU's clips, our own gestures, and what is composed of these",
 }
 LARGER = (
     "`free` draws the body of CMU's actors, a fifth larger than the others'. The classifier of contents learnt from\n"
