@@ -187,8 +187,8 @@ def judge_in(file: Path) -> Judge:
 
     from motiongen.evaluation.language.prompts import family
     from motiongen.evaluation.run.judges import load_contents
-    from motiongen.features import FPS, motion_to_features
+    from motiongen.features import FPS
 
     torch.set_num_threads(1)
     contents = load_contents(file)
-    return lambda motion: family(contents.judge([motion_to_features(motion.resampled(FPS)).astype(np.float32)])[0])
+    return lambda motion: family(contents.judge_motions([motion.resampled(FPS)])[0])

@@ -54,8 +54,8 @@ class ByLength:
 class AlwaysBow:
     contents = ("bow", "nod")
 
-    def judge(self, clips: list[np.ndarray]) -> list[str]:
-        return ["bow"] * len(clips)
+    def judge_motions(self, motions: Sequence[Motion]) -> list[str]:
+        return ["bow"] * len(motions)
 
 
 JUDGES = Judges(

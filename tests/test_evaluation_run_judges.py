@@ -10,10 +10,12 @@ import pytest
 from standing_clips import dataset
 
 from motiongen.data.dataset import Dataset
+from motiongen.evaluation.judges.contents import on_body
 from motiongen.evaluation.judges.judge import JudgeError
 from motiongen.evaluation.run import judges as run_judges
 from motiongen.evaluation.run.judges import CONTENTS, Judges, open_judges
 from motiongen.evaluation.run.sets import QUICK
+from motiongen.features import motion_to_features
 
 PLAN = replace(QUICK, judge_steps={"guo": 1, "tmr": 1}, content_steps=2)
 
@@ -69,3 +71,15 @@ def test_a_damaged_classifier_is_one_line(trained: tuple[Dataset, Path, Judges],
     (tmp_path / CONTENTS).write_bytes(b"no tensors")
     with pytest.raises(JudgeError, match=r"contents\.safetensors: damaged"):
         open_judges(data, tmp_path, PLAN, lambda what: None)
+
+
+def test_a_giant_is_taken_for_what_it_does(trained: tuple[Dataset, Path, Judges]) -> None:
+    data, _, judges = trained
+    motion = data.motion(0)
+    skeleton = replace(motion.skeleton, offsets=1.3 * motion.skeleton.offsets)
+    giant = replace(motion, root_pos=1.3 * motion.root_pos, skeleton=skeleton)
+    own = motion_to_features(motion)
+    assert not np.allclose(motion_to_features(giant)[:, :4], own[:, :4], atol=0.05)
+    seen = on_body(giant, motion.skeleton.offsets)
+    assert np.allclose(seen[:, :-4], own[:, :-4], atol=1e-6)  # contacts are of speeds in the world
+    assert judges.content([giant]) == judges.content([motion])

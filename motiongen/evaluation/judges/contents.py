@@ -1,12 +1,13 @@
 """A small classifier of contents, trained on real clips, that judges whether a motion shows what was asked for.
 
 It sees features, not files, and not one clip that it is tested on. Its inputs are low-frequency enough that the seams
-and the smoothness of generated motion do not matter to it.
+and the smoothness of generated motion do not matter to it. Motions of another body are seen on that of its clips.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -15,11 +16,15 @@ from torch import Tensor, nn
 
 from motiongen.data.dataset import Dataset
 from motiongen.diffusion.losses import joint_positions
+from motiongen.evaluation.judges.seen import leg_length
+from motiongen.features import HEIGHT, PLANAR, motion_to_features
+from motiongen.motion import Motion
 from motiongen.text.captions import swap_sides
 
 LENGTH = 240
 RATE = 2  # every second frame
 STRIDES = (2, 2, 1)
+BATCH = 64
 
 
 class Contents(nn.Module):
@@ -54,10 +59,24 @@ class Contents(nn.Module):
         return self.head(torch.cat([mean, peak], dim=-1))
 
     @torch.inference_mode()
-    def judge(self, clips: list[np.ndarray]) -> list[str]:
-        """The content that each clip (T, 140) shows."""
+    def judge(self, clips: Sequence[np.ndarray]) -> list[str]:
+        """The content that each clip (T, 140), of the body that it learnt from, shows."""
         self.eval()
-        return [self.contents[int(i)] for i in self(*pad(clips)).argmax(-1)]
+        parts = [list(clips[start : start + BATCH]) for start in range(0, len(clips), BATCH)]
+        return [self.contents[int(i)] for part in parts for i in self(*pad(part)).argmax(-1)]
+
+    def judge_motions(self, motions: Sequence[Motion]) -> list[str]:
+        """The content that each motion shows: its joint angles, its way and height scaled by the length of the legs."""
+        return self.judge([on_body(motion, self.offsets.numpy()) for motion in motions])
+
+
+def on_body(motion: Motion, offsets: np.ndarray) -> np.ndarray:
+    """Features (T, 140) of a motion as a body with `offsets` (22, 3) in metres would do it."""
+    features = motion_to_features(motion).astype(np.float32)
+    size = leg_length(offsets) / leg_length(motion.skeleton.offsets)
+    features[:, PLANAR] *= size
+    features[:, HEIGHT] *= size
+    return features
 
 
 def pad(clips: list[np.ndarray]) -> tuple[Tensor, Tensor]:

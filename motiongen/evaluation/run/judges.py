@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
 import msgspec
-import numpy as np
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
@@ -24,13 +23,11 @@ from motiongen.evaluation.language.prompts import STYLES, family
 from motiongen.evaluation.language.run import Judge as Namer
 from motiongen.evaluation.run.results import file_digest
 from motiongen.evaluation.run.sets import Plan
-from motiongen.features import motion_to_features
 from motiongen.files import replacing
 from motiongen.motion import Motion
 
 CONTENTS = "contents.safetensors"
 _FORMAT = "rigcast-contents-1"
-_BATCH = 64
 
 
 @dataclass(frozen=True)
@@ -48,7 +45,7 @@ class Judges:
         """The content that each motion shows, as far as the classifier can tell; "" where there is none."""
         if self.contents is None:
             return [""] * len(motions)
-        return _judge(self.contents, [motion_to_features(m).astype(np.float32) for m in motions])
+        return self.contents.judge_motions(motions)
 
 
 def open_judges(data: Dataset, folder: Path, plan: Plan, say: Callable[[str], None]) -> Judges:
@@ -94,13 +91,8 @@ def _styles(data: Dataset) -> Namer | None:
 def _on_real(data: Dataset, classifier: Contents) -> dict[str, tuple[int, int]]:
     """Right answers, and clips, of each content."""
     rows = clips_of(data, classifier.contents, "test")
-    found = {c: _judge(classifier, [data.features(*row) for row in each]) for c, each in rows.items() if each}
+    found = {c: classifier.judge([data.features(*row) for row in each]) for c, each in rows.items() if each}
     return {content: (said.count(content), len(said)) for content, said in found.items()}
-
-
-def _judge(classifier: Contents, clips: Sequence[np.ndarray]) -> list[str]:
-    parts = [list(clips[start : start + _BATCH]) for start in range(0, len(clips), _BATCH)]
-    return [said for part in parts for said in classifier.judge(part)]
 
 
 def _save(classifier: Contents, steps: int, path: Path) -> None:
