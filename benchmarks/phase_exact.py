@@ -14,7 +14,7 @@ from motiongen.phase.phases import Course, Layout, Timing, course, readings
 from motiongen.phase.phrases import Phrase, blended, lasting, phrase_signals
 
 SIZES = PhaseAutoencoderConfig(features=6, highest=6, phases=32, narrow=8, hidden=16, width=12)
-PERIOD, MOTIONS, ROUNDS = 60, 8, 6
+PERIOD, MOTIONS, ROUNDS = 60, 8, 12
 
 
 def exact(options: Options) -> Part:
@@ -48,7 +48,9 @@ def _analytic() -> tuple[float, float]:
     x, none = motion(np.arange(PERIOD + 1)), torch.zeros(MOTIONS, 2).double()
     read = torch.from_numpy(readings(when, PERIOD + 1, SIZES.highest)).double()
     once, later = _course(when, 0, PERIOD + 1), _course(when, PERIOD, 5 * PERIOD)
-    optimizer = torch.optim.LBFGS(model.parameters(), max_iter=60, line_search_fn="strong_wolfe")
+    optimizer = torch.optim.LBFGS(
+        model.parameters(), max_iter=60, tolerance_grad=0, tolerance_change=0, line_search_fn="strong_wolfe"
+    )
 
     def error() -> torch.Tensor:
         optimizer.zero_grad()
