@@ -38,7 +38,9 @@ QUICK = 0.01, 3  # share of the motions, so the first of each kind, and trials
 def motions(folder: Path, share: float) -> Iterator[tuple[str, str, int, str, Motion]]:
     """Source, kind, number, name and motion of the first `share` of everything that is tried, kinds in turn."""
     drawing: Generator | None = None
-    for i in range(max(map(len, KINDS.values()))):
+    data = os.environ.get("RIGCAST_MOTION_DATA")
+    clips = {} if data is None else {kind: real_clips(Path(data).expanduser(), kind) for kind in REAL}
+    for i in range(max(*map(len, KINDS.values()), *REAL.values())):
         for kind, prompts in KINDS.items():
             if i >= np.ceil(share * len(prompts)):
                 continue
@@ -47,9 +49,6 @@ def motions(folder: Path, share: float) -> Iterator[tuple[str, str, int, str, Mo
                 drawing = drawing or load_generator("mdm")
                 save_motion(choose(drawing, prompts[i], candidates=DEFAULT_CANDIDATES, seed=i).motion, file)
             yield "generated", kind, i, prompts[i], load_motion(file)
-    data = os.environ.get("RIGCAST_MOTION_DATA")
-    clips = {} if data is None else {kind: real_clips(Path(data).expanduser(), kind) for kind in REAL}
-    for i in range(max(REAL.values())):
         for kind, files in clips.items():
             if i < np.ceil(share * len(files)):
                 yield "real", kind, i, files[i].stem, read_motion(files[i])
