@@ -44,10 +44,6 @@ AFTER = {
     "free": "the network of [mdm](model-card.md) with a layer less, trained only on motion that may be\n"
     "used commercially: CMU's clips, our own gestures, and what is composed of these",
 }
-LARGER = (
-    "`free` draws the body of CMU's actors, a fifth larger than the others'. The classifier of contents learnt from\n"
-    "smaller ones and does not know what that body does: its figures of contents say this, and little of the motion."
-)
 RIG = "puppet"
 
 
@@ -241,8 +237,6 @@ The same measures on the same prompts; what each was trained on, by the same loo
 
 {_table(_only(single, ("real", MODEL, *OTHERS)))}
 
-{LARGER}
-
 ## Content by content
 
 {_contents(single, ("real", MODEL, *OTHERS))}
@@ -306,7 +300,7 @@ Written by `benchmarks/results.py` on {results.date}, {results.machine}; no figu
 Beside held-out real clips, and the training clip with the nearest caption. [results.md](results.md) has the rest.
 
 {_table(shown)}
-{LARGER if name == "free" else ""}
+
 ## What it cannot
 
 Targets that it falls short of, one motion drawn for a prompt: {short}.
