@@ -21,9 +21,9 @@ from rigcast.__main__ import main as rigcast
 
 SAY = ["say", "walk forward", "--mount", "free", "--no-fix", "--unchecked"]  # it falls, which is what a report is for
 SIZE = (1100, 2200)
-WIDTH = 720  # pixels of the picture in the docs
+WIDTH = 640  # pixels of the picture in the docs
 MOST_BYTES = 150_000
-QUALITY = 80
+QUALITY = 74
 
 
 def main() -> int:

@@ -159,11 +159,17 @@ def _drive(take: Take, how: Delivery, times: Times) -> Driven | None:
 
 def watch(take: Take, where: Literal["native", "web"]) -> None:
     """Show what physics made of `take`, over and over, until the window closes or Ctrl-C."""
-    from sim.view import view_native, view_web
+    from rigcast.outputs import preview_of
 
-    show_in = view_native if where == "native" else view_web
     with suppress(KeyboardInterrupt):
-        show_in(take.rig, looping(take), mount=take.rollout.mount)
+        if where == "native":
+            from sim.play_native import play_native
+
+            play_native(preview_of(take))
+        else:
+            from sim.view import view_web
+
+            view_web(take.rig, looping(take), mount=take.rollout.mount)
 
 
 def looping(take: Take, clock: Callable[[], float] = time.monotonic) -> Poses:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import threading
 import time
-import warnings
 from collections.abc import Callable
 
 import mujoco
@@ -15,14 +13,13 @@ from numpy.typing import NDArray
 
 from retarget.rig import Mount, Rig
 from sim.look import FIELD_OF_VIEW, Stage, aim, build_stage
+from sim.window import opened_window
 
 Array = NDArray[np.float64]
 Pose = tuple[Array, Array, Array]  # root position (3,) m, root quaternion (4,) w x y z, joints (nj,) rad
 Poses = Callable[[], Pose | None]  # the newest pose, or None while there is none
 
 PERIOD = 1 / 60  # s between two looks at the source
-CLOSING = 5.0  # s to wait for the window to go
-OTHER_WAYS = "use --view web, or write a film with --out FILE.mp4"
 
 
 def view_native(rig: Rig, poses: Poses, *, mount: Mount | None = None, stop: threading.Event | None = None) -> None:
@@ -30,33 +27,17 @@ def view_native(rig: Rig, poses: Poses, *, mount: Mount | None = None, stop: thr
 
     Raises RuntimeError, in one line that names the other ways, where no window can be opened.
     """
-    _require_window()
-    import mujoco.viewer
-
-    stage = build_stage(rig, mount)
+    stage, start = build_stage(rig, mount), _nominal(rig, mount)
     data = mujoco.MjData(stage.model)
-    start = _nominal(rig, mount)
-    stage.place(data, start)
-    others = set(threading.enumerate())
-    try:
-        window = mujoco.viewer.launch_passive(stage.model, data, show_left_ui=False, show_right_ui=False)
-    except RuntimeError as problem:  # macOS wants its own interpreter, mjpython
-        raise RuntimeError(f"no MuJoCo window here ({problem}); {OTHER_WAYS}") from None
-    drawing = set(threading.enumerate()) - others
-    try:
-        with window:
-            aim(window.cam, start[None], stage)
+    with opened_window(stage, data, start[None]) as window:
 
-            def show(row: Array) -> None:
-                with window.lock():
-                    stage.place(data, row)
-                    window.cam.lookat[:2] = row[:2]
-                window.sync()
+        def show(row: Array) -> None:
+            with window.lock():
+                stage.place(data, row)
+                window.cam.lookat[:2] = row[:2]
+            window.sync()
 
-            _follow(poses, show, lambda: window.is_running() and not (stop and stop.is_set()))
-    finally:  # closing only asks: a thread that still draws when Python exits makes both wait for ever in X11
-        for thread in drawing:
-            thread.join(CLOSING)
+        _follow(poses, show, lambda: window.is_running() and not (stop and stop.is_set()))
 
 
 def view_web(
@@ -102,19 +83,6 @@ def _nominal(rig: Rig, mount: Mount | None) -> Array:
     """The row (7 + nj,) of the rig in its nominal pose."""
     lift = rig.stand_clearance if (rig.mount if mount is None else mount) == "stand" else 0.0
     return np.array([0, 0, rig.nominal.height + lift, 1, 0, 0, 0, *rig.pose_vector(rig.nominal)], float)
-
-
-def _require_window() -> None:
-    """GLFW is asked first, since MuJoCo's viewer waits for ever when its own thread fails to open a window."""
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise RuntimeError(f"there is no display for a MuJoCo window; {OTHER_WAYS}")
-    import glfw
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        ready = glfw.init()
-    if not ready:
-        raise RuntimeError(f"the display {os.environ.get('DISPLAY', '')!r} cannot be opened; {OTHER_WAYS}")
 
 
 def _web_camera(row: Array, stage: Stage) -> tuple[Array, Array]:

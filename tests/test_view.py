@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import socket
 import subprocess
 import sys
@@ -14,7 +13,7 @@ import urllib.request
 
 import numpy as np
 import pytest
-from PIL import ImageGrab
+from displays import grab, virtual_display
 from two_arm_rig import HEIGHT
 from two_arm_rig import two_arm_rig as make_rig
 
@@ -78,7 +77,7 @@ def test_the_web_view_listens_to_this_machine_alone_and_says_when_the_port_is_ta
 def test_no_display_is_one_line_that_names_the_other_ways(tmp_path, monkeypatch, display):
     monkeypatch.setenv("DISPLAY", display)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(RuntimeError, match=r"display.*--view web, or write a film with --out FILE\.mp4$"):
+    with pytest.raises(RuntimeError, match=r"display.*--view web, or write a film with --out FILE\.mp4 or \.gif$"):
         view_native(make_rig(tmp_path), lambda: None)
 
 
@@ -105,28 +104,8 @@ view_native(two_arm_rig(Path({folder!r})), poses, stop=stop)
 
 @pytest.fixture
 def display():
-    """A virtual X display, by its name."""
-    if shutil.which("Xvfb") is None:
-        pytest.skip("needs Xvfb")
-    read, write = os.pipe()
-    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24", "-nolisten", "tcp"]
-    with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
-        os.close(write)
-        with os.fdopen(read) as pipe:
-            name = ":" + pipe.readline().strip()
+    with virtual_display() as name:
         yield name
-        server.terminate()
-
-
-def grab(display: str, *, unlike: np.ndarray | None) -> np.ndarray:
-    """The screen (480, 640, 3), once something is drawn on it that is not `unlike`; software drawing takes a while."""
-    deadline = time.monotonic() + 20
-    while True:
-        picture = np.asarray(ImageGrab.grab(xdisplay=display)).astype(int)
-        changed = unlike is None or (np.abs(picture - unlike).max(-1) > 60).mean() > 0.002
-        if (picture.std() > 15 and changed) or time.monotonic() > deadline:
-            return picture
-        time.sleep(0.1)
 
 
 def test_the_window_shows_the_newest_pose_and_closes_when_told(tmp_path, display):
@@ -138,10 +117,14 @@ def test_the_window_shows_the_newest_pose_and_closes_when_told(tmp_path, display
         with subprocess.Popen([sys.executable, "-c", code], env=env, stdin=pipe, stdout=pipe, text=True) as viewer:
             try:
                 assert viewer.stdout.readline() == "shown\n"
-                pictures.append(grab(display, unlike=pictures[0] if pictures else None))
+                pictures.append(grab(display, until=lambda screen: not pictures or differ(screen, pictures[0])))
                 viewer.communicate("stop\n", timeout=20)
             finally:
                 viewer.kill()  # nothing, once it has ended
         assert viewer.returncode == 0
     assert all(p.std() > 15 for p in pictures)
-    assert (np.abs(pictures[0] - pictures[1]).max(-1) > 60).mean() > 0.002
+    assert differ(*pictures)
+
+
+def differ(one: np.ndarray, other: np.ndarray) -> bool:
+    return bool((np.abs(one - other).max(-1) > 60).mean() > 0.002)
