@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -17,7 +16,9 @@ from rigcast.times import BEGAN, Times
 
 if TYPE_CHECKING:
     from drivers.drive import Driven
-    from sim.view import Pose, Poses
+    from rigcast.saying import Saying
+    from sim.preview import Preview
+    from sim.prompt_box import Say
 
 LISTENER_WAIT_S = 2.0  # a receiver that was there first comes back to a new publisher within half a second
 
@@ -40,7 +41,9 @@ class Delivery:
     insecure: bool = False
     """Stream without encryption and to everybody, where other machines reach the endpoint."""
     view: Literal["native", "web", "none"] = "none"
-    """Show it in a window or in the browser, until closed or Ctrl-C."""
+    """Show it in a window or in the browser, until closed or Ctrl-C; after `say` the page takes more to say."""
+    port: int = 8080
+    """Port of the page in the browser, on 127.0.0.1."""
     fix: bool = True
     """Mend what the gate refuses: slower, on the feet that the rig has, balanced; the report says what was changed."""
     unchecked: bool = False
@@ -52,7 +55,8 @@ class Delivery:
 def require(how: Delivery, *, has_motion: bool) -> None:
     """Find out before any work what cannot be delivered, or must not be.
 
-    Raises OutputError, ValueError, StreamError, BusError, ModuleNotFoundError.
+    Raises OutputError, ValueError, StreamError, BusError, ModuleNotFoundError, RuntimeError (no display, or the page's
+    port is taken).
     """
     from rigcast.outputs import require_writable
 
@@ -61,6 +65,14 @@ def require(how: Delivery, *, has_motion: bool) -> None:
         if how.unchecked:
             raise ValueError("--unchecked motion never reaches a servo: leave out --unchecked or --drive")
         driving.require_port(how.drive)
+    if how.view == "native":
+        from sim.window import require_display
+
+        require_display()
+    if how.view == "web":
+        from sim.guarded import require_port
+
+        require_port(how.port)
     if how.publish is not None:
         from drivers.endpoint import endpoints
         from drivers.keys import keys_for
@@ -70,10 +82,11 @@ def require(how: Delivery, *, has_motion: bool) -> None:
         require_free(how.publish)
 
 
-def deliver(take: Take, how: Delivery, times: Times, said: dict[str, Any]) -> int:
+def deliver(take: Take, how: Delivery, times: Times, said: dict[str, Any], saying: Saying | None = None) -> int:
     """Report, then write, stream and show `take` where it passed or `how.unchecked`; the exit code.
 
-    `said` goes into the JSON document beside the take. Raises OSError, StreamError, RuntimeError (no display).
+    `said` goes into the JSON document beside the take. With `saying` the page in the browser goes on taking texts.
+    Raises OSError, StreamError, RuntimeError (no display).
     """
     if not how.json:
         console = show.console()
@@ -101,7 +114,7 @@ def deliver(take: Take, how: Delivery, times: Times, said: dict[str, Any]) -> in
         show.warn("the report failed, so nothing was written or streamed; --unchecked writes and previews it anyway")
         return 1
     if how.view != "none":
-        watch(take, how.view)
+        watch(take, how, saying)
     if done["published"] and done["published"]["ended"]:
         return 1
     return 0 if driven is None else driving.exit_code(driven)
@@ -157,28 +170,32 @@ def _drive(take: Take, how: Delivery, times: Times) -> Driven | None:
         return driving.run(take.rig, how.drive, played, how.care, lambda: "", take.rollout.mount)
 
 
-def watch(take: Take, where: Literal["native", "web"]) -> None:
-    """Show what physics made of `take`, over and over, until the window closes or Ctrl-C."""
+def watch(take: Take, how: Delivery, saying: Saying | None) -> None:
+    """Show what physics made of `take`, over and over, until the window closes or Ctrl-C.
+
+    In the browser `saying` makes what is typed there.
+    """
     from rigcast.outputs import preview_of
 
+    preview = preview_of(take)
     with suppress(KeyboardInterrupt):
-        if where == "native":
+        if how.view == "native":
             from sim.play_native import play_native
 
-            play_native(preview_of(take))
+            play_native(preview)
         else:
-            from sim.view import view_web
+            from sim.play_web import play_web
 
-            view_web(take.rig, looping(take), mount=take.rollout.mount)
+            play_web(
+                preview, say=None if saying is None else said_on_page(saying), unchecked=how.unchecked, port=how.port
+            )
 
 
-def looping(take: Take, clock: Callable[[], float] = time.monotonic) -> Poses:
-    """The pose of the moment (root position, root quaternion, joints), starting over a second after the end."""
-    qpos, fps, began = take.rollout.qpos, take.rollout.fps, clock()
+def said_on_page(saying: Saying) -> Say:
+    """`saying`, as the page calls it."""
+    from rigcast.outputs import preview_of
 
-    def newest() -> Pose:
-        frame = int((clock() - began) * fps) % (len(qpos) + round(fps))
-        row = qpos[min(frame, len(qpos) - 1)]
-        return row[:3], row[3:7], row[7:]
+    def say(text: str, seed: int, tell: Callable[[str], None]) -> Preview:
+        return preview_of(saying.say(text, seed, Times(), tell)[0])
 
-    return newest
+    return say

@@ -122,7 +122,7 @@ def _report_json(take: Take, path: Path) -> None:
 def _report_page(take: Take, path: Path) -> None:
     from sim.report_page import write_page
 
-    write_page(preview_of(take), path, origin_line(take))
+    write_page(preview_of(take), path)
 
 
 def preview_of(take: Take) -> Preview:
@@ -130,7 +130,7 @@ def preview_of(take: Take) -> Preview:
     from drivers.measured import as_measured
     from sim.preview import prepare
 
-    return prepare(take.trajectory, as_measured(take.rig), take.report, take.rollout)
+    return prepare(take.trajectory, as_measured(take.rig), take.report, take.rollout, origin_line(take))
 
 
 def _video(take: Take, path: Path) -> None:

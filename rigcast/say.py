@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from motiongen.candidates import DEFAULT_CANDIDATES, choose
+from motiongen.candidates import DEFAULT_CANDIDATES
 from motiongen.generator import Generator, PromptError, check_prompt, check_seconds, load_generator, require_control
 from motiongen.motion import Motion
 from retarget.rig import Mount, Rig, load_rig
-from retarget.shown import cannot_show
 from rigcast import show
 from rigcast.delivery import Delivery, deliver, require
+from rigcast.saying import Saying, UnfamiliarError
 from rigcast.times import Times
 
 WAYS = "a TEXT, --timeline FILE, --action NAME or --unconditioned"
@@ -69,20 +69,19 @@ def say(
     body = load_rig(rig, model)
     with times.stage("load generator"):
         drawing = load_generator(generator)
-    said: dict[str, Any] = {"text": text}
-    far = [each for each in texts if _is_far(drawing, each, generator, said)]
-    if far and strict:
-        return 1
-    with times.stage("generate"):
+    saying = Saying(drawing, generator, body, mount, seconds, guidance, candidates, strict, delivery.fix)
+    try:
         if text is not None:
-            motion = _chosen(drawing, texts[0], candidates, seconds, seed, guidance, said)
+            taken, said = saying.say(text, seed, times, show.warn)
         else:
-            motion = _controlled(drawing, generator, timeline, action, seconds, seed, guidance)
-    for note in cannot_show(motion, body):
-        show.warn(note)
-    from rigcast.pipeline import take
-
-    return deliver(take(motion, body, mount, times, fix=delivery.fix), delivery, times, said)
+            said = {"text": None, **saying.familiar(texts, show.warn)}
+            with times.stage("generate"):
+                motion = _controlled(drawing, generator, timeline, action, seconds, seed, guidance)
+            taken = saying.judged(motion, times, show.warn)
+    except UnfamiliarError as far:
+        show.warn(str(far))
+        return 1
+    return deliver(taken, delivery, times, said, saying)
 
 
 def _live(
@@ -118,36 +117,6 @@ def _texts(
     from motiongen.diffusion.timeline import read_timeline
 
     return list(dict.fromkeys(entry.text for entry in read_timeline(timeline)))
-
-
-def _is_far(model: Generator, text: str, name: str, said: dict[str, Any]) -> bool:
-    familiarity = model.familiarity(text)
-    if not familiarity.known:
-        show.warn(f"{text!r} is far from what {name} was trained on; nearest: {', '.join(familiarity.nearest)}")
-    said |= {"known": familiarity.known and said.get("known", True), "nearest": list(familiarity.nearest)}
-    return not familiarity.known
-
-
-def _chosen(
-    model: Generator,
-    text: str,
-    candidates: int,
-    seconds: float | None,
-    seed: int,
-    guidance: float | None,
-    said: dict[str, Any],
-) -> Motion:
-    kept = choose(model, text, candidates=candidates, seconds=seconds, seed=seed, guidance=guidance)
-    if kept.drawn > 1:
-        show.warn(str(kept))
-    said |= {
-        "text": text,
-        "candidates": kept.drawn,
-        "kept": kept.index + 1,
-        "measured": kept.asked,
-        "right": kept.right,
-    }
-    return kept.motion
 
 
 def _controlled(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 LOCAL = "127.0.0.1"  # nobody else on the network gets to see it
 TOKEN_BYTES = 16
+TAKEN = "port {port} is taken; choose another with --port"
 NOT_ALLOWED = b"403: open the address that rigcast printed, with all that comes after the port\n"
 
 
@@ -49,11 +51,21 @@ def guarded_server(port: int, label: str) -> Iterator[tuple[viser.ViserServer, s
             websockets.asyncio.server.serve = serve  # type: ignore[misc]
         try:
             if server.get_port() != port:  # viser quietly takes the next one
-                raise RuntimeError(f"port {port} is taken; choose another with --port")
+                raise RuntimeError(TAKEN.format(port=port))
             server.gui.configure_theme(show_share_button=False)  # which would put the page on the open net
             yield server, f"http://{LOCAL}:{port}/{token}/"
         finally:
             server.stop()
+
+
+def require_port(port: int) -> None:
+    """Raise RuntimeError where `port` is taken on this machine, before anything is made to be shown there."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # what was closed a moment ago does not take it
+        try:
+            probe.bind((LOCAL, port))
+        except OSError:
+            raise RuntimeError(TAKEN.format(port=port)) from None
 
 
 def _let_in(

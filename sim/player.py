@@ -52,12 +52,16 @@ class Player:
         with self._lock:
             self._from, self._since = min(max(frame, 0), self.frames - 1), self._clock()
 
+    def hold(self, frame: int) -> None:
+        """Pause at `frame`, the first or last one outside."""
+        with self._lock:
+            self._running = False
+            self.seek(frame)
+
     def step(self, frames: int) -> None:
         """Pause, `frames` further on, or back where negative."""
         with self._lock:
-            frame = self.frame
-            self._running = False
-            self.seek(frame + frames)
+            self.hold(self.frame + frames)
 
     def _passed(self) -> int:
         if not self._running:

@@ -14,7 +14,7 @@ from sim.geometry import measure
 from sim.plots import Mark
 from sim.report import Report
 from sim.scene import DRIVE, Scene, build_scene
-from sim.simulate import Rollout, torque_range
+from sim.simulate import Rollout, require_fit, torque_range
 from sim.support import Support, margin, support
 
 Array = NDArray[np.float64]
@@ -57,7 +57,8 @@ class Footing:
 @dataclass(frozen=True)
 class Preview:
     """`asked` and `done` (T, 7 + nj), root first, `fps` rows a second; feet that `touch` the floor in physics, (T,)
-    each. `footing` is None where a stand carries the rig or it has no feet."""
+    each. `footing` is None where a stand carries the rig or it has no feet. `origin`, a line, tells where the motion
+    came from."""
 
     rig: Rig
     mount: Mount
@@ -69,6 +70,7 @@ class Preview:
     load: Load
     touch: dict[str, NDArray[np.bool_]]
     footing: Footing | None
+    origin: str = ""
 
     def __len__(self) -> int:
         return len(self.done)
@@ -82,8 +84,12 @@ class Preview:
         return [Mark(c.at_s, c.name) for c in self.report.failures() if c.at_s is not None]
 
 
-def prepare(trajectory: Trajectory, rig: Rig, report: Report, rollout: Rollout) -> Preview:
-    """The preview of `trajectory`, of which `report` and `rollout` speak. Raises what `build_scene` raises."""
+def prepare(trajectory: Trajectory, rig: Rig, report: Report, rollout: Rollout, origin: str = "") -> Preview:
+    """The preview of `trajectory`, of which `report` and `rollout` speak, and `origin` where it came from.
+
+    Raises ValueError for a trajectory of another rig, and what `build_scene` raises.
+    """
+    require_fit(trajectory, rig)
     scene = build_scene(rig, rollout.mount, trajectory.qpos[0])
     grounded = rollout.mount != "stand" and bool(rig.feet)
     return Preview(
@@ -97,6 +103,7 @@ def prepare(trajectory: Trajectory, rig: Rig, report: Report, rollout: Rollout) 
         load=_load(scene, trajectory, rollout),
         touch=measure(scene, rollout.qpos).touching if grounded else {},
         footing=_footing(scene, trajectory) if grounded else None,
+        origin=origin,
     )
 
 

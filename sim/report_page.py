@@ -45,26 +45,26 @@ td,th{text-align:left;padding:4px 10px 4px 0;border-bottom:1px solid #e3e7ec;ver
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"  # the browser itself holds it to that
 
 
-def write_page(preview: Preview, path: Path, origin: str = "") -> None:
-    """Write the report on `preview` to an .html; `origin`, a line, tells where the motion came from.
+def write_page(preview: Preview, path: Path) -> None:
+    """Write the report on `preview` to an .html.
 
     Raises ValueError for another suffix, RuntimeError without OpenGL.
     """
     if Path(path).suffix.lower() != ".html":
         raise ValueError(f"cannot write a page into {str(path)!r}: the suffix must be .html")
-    page = _page(preview, origin)
+    page = _page(preview)
     with replacing(path) as unfinished:
         unfinished.write_text(page, encoding="utf-8")
 
 
-def _page(preview: Preview, origin: str) -> str:
+def _page(preview: Preview) -> str:
     title = escape(preview.title or "motion")
     head = (
         f'<meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         f'<meta name="viewport" content="width=device-width"><title>{title}: {verdict(preview)}</title>'
         f"<style>{STYLE}</style>"
     )
-    body = "\n".join([_summary(preview, title, origin), _pictured(preview), report_tables(preview), _plots(preview)])
+    body = "\n".join([_summary(preview, title), _pictured(preview), report_tables(preview), _plots(preview)])
     return f'<!doctype html><html lang="en"><head>{head}</head><body>\n{body}\n</body></html>\n'
 
 
@@ -73,12 +73,12 @@ def verdict(preview: Preview) -> str:
     return "pass" if preview.report.ok else "fail"
 
 
-def _summary(preview: Preview, title: str, origin: str) -> str:
+def _summary(preview: Preview, title: str) -> str:
     report = preview.report
     held = f"{escape(report.rig)} on mount {report.mount}, controller {report.controller}, {report.duration_s:.1f} s"
     return (
         f'<div class="verdict {verdict(preview)}">{verdict(preview)}</div><h1>{title}</h1><p>{held}</p>'
-        f'<p class="quiet">report {report.report_id}{"; " if origin else ""}{escape(origin)}</p>'
+        f'<p class="quiet">report {report.report_id}{"; " if preview.origin else ""}{escape(preview.origin)}</p>'
     )
 
 

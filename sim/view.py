@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -14,6 +15,9 @@ from numpy.typing import NDArray
 from retarget.rig import Mount, Rig
 from sim.look import FIELD_OF_VIEW, Stage, aim, build_stage
 from sim.window import opened_window
+
+if TYPE_CHECKING:
+    import viser
 
 Array = NDArray[np.float64]
 Pose = tuple[Array, Array, Array]  # root position (3,) m, root quaternion (4,) w x y z, joints (nj,) rad
@@ -48,24 +52,30 @@ def view_web(
     Prints the address on stderr, which ends in a token: without it there is no page. Raises RuntimeError where the port
     is taken.
     """
-    from mjviser import ViserMujocoScene
-
     from sim.guarded import guarded_server
 
     with guarded_server(port, f"rigcast: {rig.name}") as (server, address):
         print(f"open {address} in a browser; Ctrl-C ends", file=sys.stderr, flush=True)
-        stage, start = build_stage(rig, mount), _nominal(rig, mount)
-        data = mujoco.MjData(stage.model)
-        scene = ViserMujocoScene(server, stage.model, num_envs=1)
-        server.initial_camera.position, server.initial_camera.look_at = _web_camera(start, stage)
-        server.initial_camera.fov = float(np.radians(FIELD_OF_VIEW))
-
-        def show(row: Array) -> None:
-            stage.place(data, row)
-            scene.update_from_mjdata(data)
-
-        show(start)
+        show = drawn_on(server, rig, mount)
         _follow(poses, show, lambda: not (stop and stop.is_set()))
+
+
+def drawn_on(server: viser.ViserServer, rig: Rig, mount: Mount | None = None) -> Callable[[Array], None]:
+    """Build the rig on the page of `server`, in its nominal pose; gives what shows it in another (7 + nj,)."""
+    from mjviser import ViserMujocoScene
+
+    stage, start = build_stage(rig, mount), _nominal(rig, mount)
+    data = mujoco.MjData(stage.model)
+    scene = ViserMujocoScene(server, stage.model, num_envs=1)
+    server.initial_camera.position, server.initial_camera.look_at = _web_camera(start, stage)
+    server.initial_camera.fov = float(np.radians(FIELD_OF_VIEW))
+
+    def show(row: Array) -> None:
+        stage.place(data, row)
+        scene.update_from_mjdata(data)
+
+    show(start)
+    return show
 
 
 def _follow(poses: Poses, show: Callable[[Array], None], running: Callable[[], bool]) -> None:

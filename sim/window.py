@@ -31,7 +31,7 @@ def opened_window(
 
     Raises RuntimeError, in one line that names the other ways, where no window can be opened.
     """
-    _require_display()
+    require_display()
     import mujoco.viewer
 
     stage.place(data, rows[0])
@@ -52,8 +52,11 @@ def opened_window(
             thread.join(CLOSING)
 
 
-def _require_display() -> None:
-    """GLFW is asked first, since MuJoCo's viewer waits for ever when its own thread fails to open a window."""
+def require_display() -> None:
+    """Raise RuntimeError, in one line that names the other ways, where there is no screen for a window.
+
+    GLFW is asked, since MuJoCo's viewer waits for ever when its own thread fails to open a window.
+    """
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise RuntimeError(f"there is no display for a MuJoCo window; {OTHER_WAYS}")
     import glfw

@@ -50,8 +50,8 @@ def made(tmp_path, motion, **also):
     """Preview of a motion of the two-armed rig, and the page of it."""
     rig = two_arm_rig(tmp_path)
     report, rollout = judge(motion, rig)
-    preview = prepare(motion, rig, replace(report, **also), rollout)
-    write_page(preview, tmp_path / "report.html", "from a <test>")
+    preview = prepare(motion, rig, replace(report, **also), rollout, "from a <test>")
+    write_page(preview, tmp_path / "report.html")
     return preview, (tmp_path / "report.html").read_text("utf-8")
 
 
