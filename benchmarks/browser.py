@@ -28,8 +28,8 @@ def chromium() -> str | None:
     return os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
 
 
-class Page:
-    """One tab."""
+class Tab:
+    """A tab, and the page in it."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self._socket, self._calls = socket, 0
@@ -93,7 +93,7 @@ class Page:
 
 
 @contextmanager
-def browser(program: str, size: tuple[int, int] = (1280, 800)) -> Iterator[Page]:
+def browser(program: str, size: tuple[int, int] = (1280, 800)) -> Iterator[Tab]:
     """A tab of `size` pixels in Chromium, drawn in software. Raises RuntimeError where it does not start."""
     flags = ["--headless=new", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
     flags += ["--remote-debugging-port=0", "--hide-scrollbars", f"--window-size={size[0]},{size[1]}"]
@@ -107,12 +107,12 @@ def browser(program: str, size: tuple[int, int] = (1280, 800)) -> Iterator[Page]
     ):
         try:
             with connect(_address(Path(room)), max_size=LARGEST, proxy=None) as socket:
-                page = Page(socket)
+                tab = Tab(socket)
                 width, height = size
-                page.call(
+                tab.call(
                     "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False
                 )
-                yield page
+                yield tab
         finally:
             process.terminate()
 

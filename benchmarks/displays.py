@@ -21,10 +21,12 @@ def virtual_display(size: str = "640x480") -> Iterator[str]:
     command = ["Xvfb", "-displayfd", str(write), "-screen", "0", f"{size}x24", "-nolisten", "tcp"]
     with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
         os.close(write)
-        with os.fdopen(read) as pipe:
-            name = ":" + pipe.readline().strip()
-        yield name
-        server.terminate()
+        try:
+            with os.fdopen(read) as pipe:
+                name = ":" + pipe.readline().strip()
+            yield name
+        finally:
+            server.terminate()
 
 
 def grab(display: str, *, until: Callable[[np.ndarray], bool]) -> np.ndarray:

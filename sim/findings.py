@@ -26,6 +26,7 @@ def findings(preview: Preview) -> str:
         parts.append(f"<p>{escape(report.trials.text)}</p>")
     if report.changes:
         parts.append(f"<p><b>Mended</b></p>{_items([escape(change.text) for change in report.changes])}")
+    parts.append(f"<details><summary>all {len(report.checks)} checks</summary>{_table(report)}</details>")
     if preview.origin:
         parts.append(f'<p style="{SMALL}">{escape(preview.origin)}</p>')
     return boxed("".join(parts))
@@ -40,6 +41,17 @@ def faults(report: Report) -> str:
             for check in report.failures()
         ]
     )
+
+
+def _table(report: Report) -> str:
+    rows = "".join(
+        f'<tr style="color:{"inherit" if check.applies else QUIET}"><td>{check.name}</td>'
+        f'<td align="right">{check.found}</td><td align="right">{check.limit:.4g}</td>'
+        f"<td>{escape(check.unit)}</td></tr>"
+        for check in report.checks
+    )
+    head = '<tr><th align="left">check</th><th align="right">found</th><th align="right">at most</th><th></th></tr>'
+    return f'<table style="width:100%;font-size:0.85em">{head}{rows}</table>'
 
 
 def boxed(html: str) -> str:

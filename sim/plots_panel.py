@@ -31,7 +31,7 @@ class PlotsPanel:
         self._preview, self._drawn = preview, (-1, "")
         names = [preview.rig.joints[i].name for i in preview.load.worst_first()]
         self._joint.options = tuple(names)
-        self._joint.value = names[0]
+        self._joint.value = names[0]  # type: ignore[misc]  # viser sets it apart from its property
         self.refresh(0)
 
     def refresh(self, frame: int) -> None:

@@ -54,7 +54,7 @@ class PromptBox:
         if work is None:
             return None
         if not work.done():
-            self._show(f"<p>{self._about} … {int(self._clock() - self._began)} s</p>")
+            self._show(f"<p>at work on{self._about} … {int(self._clock() - self._began)} s</p>")
             return None
         made = self._outcome(work)
         self._set_busy(False)
@@ -68,7 +68,7 @@ class PromptBox:
             if self._work is not None:
                 return
             text, seed = self._text.value, self._seed.value
-            self._about, self._began = f"<b>{escape(text)}</b>", self._clock()
+            self._about, self._began = f" <b>{escape(text.strip())}</b>" if text.strip() else "", self._clock()
             self._told = []
             self._work = self._worker.submit(self._say, text, seed, self._told.append)
         self._set_busy(True)
@@ -82,11 +82,11 @@ class PromptBox:
         if not made.report.ok and not self._unchecked:
             self._refuse(f"physics says no.{faults(made.report)}")
             return None
-        self._show(f"<p>{self._about}: {self._clock() - self._began:.1f} s</p>")
+        self._show(f"<p>done{self._about}: {self._clock() - self._began:.1f} s</p>")
         return made
 
     def _refuse(self, why: str) -> None:
-        self._show(f'<p><b style="color:{FAIL}">not done</b> {self._about}: {why}</p>')
+        self._show(f'<p><b style="color:{FAIL}">not done</b>{self._about}: {why}</p>')
 
     def _show(self, html: str) -> None:
         notes = "".join(f'<p style="color:{QUIET}">{escape(line)}</p>' for line in list(self._told))

@@ -40,7 +40,7 @@ class Timeline:
         """Let slider and button say what the player does."""
         player = self.player
         if abs(self._time.value - player.frame / player.fps) > 0.5 / player.fps:
-            self._time.value = player.frame / player.fps
+            self._time.value = player.frame / player.fps  # type: ignore[misc]  # viser sets it apart from its property
         label = "pause" if player.running else "play"
         if self._play.label != label:
             self._play.label = label

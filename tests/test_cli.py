@@ -10,6 +10,7 @@ import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,18 +20,15 @@ from drivers.frame import UNCHECKED, Frame
 from drivers.publisher import publish
 from drivers.receiver import Receiver
 from motiongen.files import load_motion, save_motion
-from motiongen.generator import Familiarity
+from motiongen.generator import Familiarity, PromptError
 from motiongen.motion import Label, Motion, Source
 from retarget.files import load_trajectory, save_trajectory
 from retarget.rig import load_rig
 from retarget.trajectory import Trajectory
 from rigcast.__main__ import VERBS, main
-from rigcast.delivery import looping
 from rigcast.demo import play_on_emulated_bus
 from rigcast.listing import failsafe
-from rigcast.pipeline import Take
 from rigcast.view import pose_due
-from sim.checks import judge
 
 ROOT = Path(__file__).parent.parent
 WEIGHTS = ROOT / "motiongen" / "weights" / "mdm.safetensors"
@@ -401,13 +399,52 @@ def test_a_frame_of_several_samples_shows_the_one_that_is_due() -> None:
     assert shown == [0, 0, 0, 2, 4, 4]
 
 
-def test_a_preview_starts_over_a_second_after_the_end() -> None:
-    rig, trajectory = load_rig("puppet"), still(seconds=0.4, fps=50.0)
-    report, rollout = judge(trajectory, rig)
-    now = 100.0
-    poses = looping(Take(None, trajectory, report, rollout, rig), lambda: now)
-    for now, row in ((100.0, 0), (100.205, 10), (100.41, 20), (101.3, 20), (101.43, 0), (101.63, 10)):
-        np.testing.assert_array_equal(np.concatenate(poses()), rollout.qpos[row], err_msg=str(now))
+def test_the_page_says_what_the_command_would(fake: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: dict[str, Any] = {}
+    monkeypatch.setattr("sim.play_web.play_web", lambda preview, **how: shown.update(how, first=preview))
+    assert main(["say", "stand still", "--rig", "humanoid", "--mount", "stand", "--seconds", "2", "--view", "web"]) == 0
+    assert (shown["first"].title, shown["unchecked"], shown["port"]) == ("stand still", False, 8080)
+    told: list[str] = []
+    second = shown["say"]("  fly   away ", 7, told.append)
+    assert (second.title, second.rig.name, second.mount) == ("fly away", "humanoid", "stand")
+    assert second.origin == "from fake, seed 7; licence: CC0"
+    assert "is far from what mdm was trained on; nearest: stand, sit" in told[0]
+    with pytest.raises(PromptError, match="the text is empty"):
+        shown["say"](" ", 7, told.append)
+
+
+def test_strict_holds_on_the_page_too(fake: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: dict[str, Any] = {}
+    monkeypatch.setattr("sim.play_web.play_web", lambda preview, **how: shown.update(how))
+    assert main(["say", "stand still", "--strict", "--view", "web"]) == 0
+    with pytest.raises(PromptError, match="'fly' is far from what mdm was trained on"):
+        shown["say"]("fly", 0, print)
+
+
+def test_a_file_is_shown_without_a_line_to_type(calm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: dict[str, Any] = {}
+    monkeypatch.setattr("sim.play_web.play_web", lambda preview, **how: shown.update(how, first=preview))
+    assert main(["play", str(calm), "--view", "web", "--port", "8123"]) == 0
+    assert (shown["first"].title, shown["say"], shown["port"]) == ("nod", None, 8123)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="displays are an X11 and Wayland matter")
+def test_what_cannot_be_shown_is_said_before_any_work(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("rigcast.say.load_generator", lambda name: pytest.fail("it was begun"))
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["say", "stand", "--view", "native"]) == 2
+    said = one_line(capsys)
+    assert "no display" in said
+    assert said.strip().endswith("use --view web, or write a film with --out FILE.mp4 or .gif")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert main(["say", "stand", "--view", "web", "--port", str(port)]) == 2
+    assert one_line(capsys) == f"rigcast: port {port} is taken; choose another with --port\n"
 
 
 # ---- Listings, the bus, the demo

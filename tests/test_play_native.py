@@ -23,7 +23,7 @@ from sim.preview import Preview, prepare
 WINDOW = """
 import sys, threading
 from pathlib import Path
-sys.path.insert(0, {tests!r})
+sys.path[:0] = {path!r}
 from test_play_native import preview_of_a_throw
 from sim.play_native import play_native
 from sim.player import Player
@@ -135,7 +135,7 @@ def test_every_key_does_what_the_corner_says(preview, monkeypatch):
 def test_the_window_shows_the_rig_the_ghost_and_the_words(tmp_path):
     preview = preview_of_a_throw(tmp_path)
     frame = int(np.argmax(np.abs(preview.asked[:, 7] - preview.done[:, 7])))
-    code = WINDOW.format(tests=os.path.dirname(__file__), folder=str(tmp_path), frame=frame)
+    code = WINDOW.format(path=sys.path, folder=str(tmp_path), frame=frame)
     with virtual_display("960x720") as display:
         pipe, env = subprocess.PIPE, {**os.environ, "DISPLAY": display}
         with subprocess.Popen([sys.executable, "-c", code], env=env, stdin=pipe, stdout=pipe, text=True) as shown:

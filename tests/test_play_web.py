@@ -14,7 +14,7 @@ import pytest
 from two_arm_rig import two_arm_motion, two_arm_rig
 
 pytest.importorskip("viser", reason="needs rigcast[web]")
-from browser import browser, chromium
+from browser import Tab, browser, chromium
 from web_client import web_client
 
 from motiongen.motion import Label
@@ -22,6 +22,8 @@ from retarget.rig import Rig
 from sim.checks import judge
 from sim.play_web import play_web
 from sim.preview import Preview, prepare
+
+FIELD = "document.querySelector('form input')"
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +93,11 @@ def test_a_prompt_takes_the_place_of_what_is_shown_and_a_refused_one_does_not(ri
         client.wait(lambda c: "<b>swing</b></p>" in c.words())
         client.wait(lambda c: "told &amp; done" in c.words())
         client.wait(lambda c: c.one("seconds")["max"] == pytest.approx(2.0) and not c.one("do")["disabled"])
-        for text, why in (("fly", "nobody here can &lt;fly&gt;"), ("throw", "torque_saturation"), ("<b>", "&lt;b&gt;")):
+        for text, why in (
+            ("fly", "nobody here can &lt;fly&gt;"),
+            ("throw", "torque_saturation</b>"),
+            ("<b>", "&lt;b&gt;"),
+        ):
             client.set("do", text)
             client.submit("Say it")
             client.wait(lambda c, why=why: why in c.words() and not c.one("do")["disabled"])
@@ -134,14 +140,35 @@ def test_a_file_has_no_line_to_type(rig, capfd):
 
 
 @pytest.mark.skipif(chromium() is None, reason="needs Chromium on the path or named by CHROMIUM")
-def test_in_a_browser_a_prompt_is_typed_and_the_rig_moves(rig, capfd):
-    with page(capfd, made(rig, "stand"), say=Maker(rig)) as address, browser(chromium(), (1000, 700)) as tab:
+def test_in_a_browser_a_prompt_is_typed_the_rig_moves_and_a_refusal_is_read(rig, capfd):
+    with page(capfd, made(rig, "stand"), say=Maker(rig)) as address, browser(chromium(), (1200, 500)) as tab:
         tab.open(address)
         tab.wait("stand")
-        tab.click("document.querySelector('input[type=text]')")
+        tab.click(FIELD)
         tab.type("swing")
         tab.press("Enter", 13)
         tab.wait("told & done")
+        assert "all 2" in tab.text()  # checks
+        tab.click(FIELD)
+        tab.evaluate(f"{FIELD}.select()")
+        tab.type("fly")
+        tab.press("Enter", 13)
+        tab.wait("nobody here can <fly>")
         assert "swing" in tab.text()
-        assert "pass" in tab.text()
+        put(tab, "Home", 36)
+        tab.wait("play")  # it pauses where it was put
+        before = rig_in(tab)
+        put(tab, "End", 35)
+        assert any((np.abs(rig_in(tab) - before).max(-1) > 40).mean() > 0.005 for _ in range(20))
         assert tab.evaluate("document.querySelectorAll('svg[role=img] path').length") > 4
+
+
+def put(tab: Tab, key: str, code: int) -> None:
+    """Press a key on the slider of the timeline."""
+    tab.evaluate("document.querySelector('[role=slider]').focus()")
+    tab.press(key, code)
+
+
+def rig_in(tab: Tab) -> np.ndarray:
+    """What is seen between the panels."""
+    return np.asarray(tab.picture(), int)[:, 410:830]

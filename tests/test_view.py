@@ -85,7 +85,7 @@ VIEWER = """
 import sys, threading
 from pathlib import Path
 import numpy as np
-sys.path.insert(0, {tests!r})
+sys.path[:0] = {path!r}
 from test_view import ROOT
 from two_arm_rig import two_arm_rig
 from sim.view import view_native
@@ -111,7 +111,7 @@ def display():
 def test_the_window_shows_the_newest_pose_and_closes_when_told(tmp_path, display):
     pictures = []
     for arm in (1.2, -1.2):
-        code = VIEWER.format(tests=os.path.dirname(__file__), arm=arm, folder=str(tmp_path))
+        code = VIEWER.format(path=sys.path, arm=arm, folder=str(tmp_path))
         env = {**os.environ, "DISPLAY": display}
         pipe = subprocess.PIPE
         with subprocess.Popen([sys.executable, "-c", code], env=env, stdin=pipe, stdout=pipe, text=True) as viewer:
