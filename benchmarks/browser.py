@@ -19,7 +19,7 @@ from typing import Any
 from PIL import Image
 from websockets.sync.client import ClientConnection, connect
 
-PATIENCE = 30.0  # s; software drawing takes a while
+PATIENCE = 60.0  # s; software drawing takes a while
 LARGEST = 64 * 2**20  # bytes of a message: a picture
 
 

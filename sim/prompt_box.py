@@ -57,9 +57,9 @@ class PromptBox:
             self._show(f"<p>at work on{self._about} … {int(self._clock() - self._began)} s</p>")
             return None
         made = self._outcome(work)
-        self._set_busy(False)
         with self._lock:
             self._work = None
+            self._set_busy(False)
         return made
 
     def _submit(self) -> None:
@@ -71,7 +71,7 @@ class PromptBox:
             self._about, self._began = f" <b>{escape(text.strip())}</b>" if text.strip() else "", self._clock()
             self._told = []
             self._work = self._worker.submit(self._say, text, seed, self._told.append)
-        self._set_busy(True)
+            self._set_busy(True)
 
     def _outcome(self, work: Future[Preview]) -> Preview | None:
         try:

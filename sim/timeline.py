@@ -10,6 +10,7 @@ from sim.preview import Preview
 if TYPE_CHECKING:
     import viser
 
+AGAIN = 1e-5  # s: browsers that were told another moment while they dragged are told again, and viser sends only news
 BACK, ON, START = "back", "on", "start"
 
 
@@ -18,6 +19,7 @@ class Timeline:
 
     def __init__(self, gui: viser.GuiApi, preview: Preview) -> None:
         self.player = Player(len(preview), preview.fps)
+        self._dragged_since = False  # the last refresh
         with gui.add_folder("Timeline"):
             self._time = gui.add_slider("seconds", min=0.0, max=1.0, step=0.01, initial_value=0.0)
             self._play = gui.add_button("pause")
@@ -39,8 +41,12 @@ class Timeline:
     def refresh(self) -> None:
         """Let slider and button say what the player does."""
         player = self.player
-        if abs(self._time.value - player.frame / player.fps) > 0.5 / player.fps:
-            self._time.value = player.frame / player.fps  # type: ignore[misc]  # viser sets it apart from its property
+        at, moved = player.frame / player.fps, self._dragged_since
+        self._dragged_since = False
+        if moved and abs(self._time.value - at) < AGAIN:
+            at += AGAIN
+        if moved or abs(self._time.value - at) > 0.5 / player.fps:
+            self._time.value = at  # type: ignore[misc]  # viser sets it apart from its property
         label = "pause" if player.running else "play"
         if self._play.label != label:
             self._play.label = label
@@ -48,6 +54,7 @@ class Timeline:
     def _dragged(self, event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:
         if event.client_id is not None:  # a person, not `refresh`
             self.player.hold(round(event.target.value * self.player.fps))
+            self._dragged_since = True
 
     def _stepped(self, way: str) -> None:
         if way == START:

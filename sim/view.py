@@ -24,7 +24,6 @@ Pose = tuple[Array, Array, Array]  # root position (3,) m, root quaternion (4,) 
 Poses = Callable[[], Pose | None]  # the newest pose, or None while there is none
 
 PERIOD = 1 / 60  # s between two looks at the source
-SKY = 2.5  # of the page's light that comes from everywhere, in viser's unit
 
 
 def view_native(rig: Rig, poses: Poses, *, mount: Mount | None = None, stop: threading.Event | None = None) -> None:
@@ -68,8 +67,6 @@ def drawn_on(server: viser.ViserServer, rig: Rig, mount: Mount | None = None) ->
     stage, start = build_stage(rig, mount), _nominal(rig, mount)
     data = mujoco.MjData(stage.model)
     scene = ViserMujocoScene(server, stage.model, num_envs=1)
-    server.scene.configure_environment_map(hdri=None)  # where OpenGL runs in software, light from a picture takes 15 s
-    server.scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(190, 190, 190), intensity=SKY)
     server.initial_camera.position, server.initial_camera.look_at = _web_camera(start, stage)
     server.initial_camera.fov = float(np.radians(FIELD_OF_VIEW))
 
