@@ -144,7 +144,7 @@ def test_a_file_has_no_line_to_type(rig, capfd):
 def test_in_a_browser_a_prompt_is_typed_the_rig_moves_and_a_refusal_is_read(rig, capfd, monkeypatch):
     # Light from a picture looks better, but OpenGL in software takes 15 s to prepare it.
     monkeypatch.setattr("viser.SceneApi.configure_environment_map", lambda *args, **kwargs: None)
-    with page(capfd, made(rig, "stand"), say=Maker(rig)) as address, browser(chromium(), (1200, 500)) as tab:
+    with page(capfd, made(rig, "stand"), say=Maker(rig)) as address, browser(chromium(), (1150, 450)) as tab:
         tab.open(address)
         tab.wait("stand")
         tab.click(FIELD)
@@ -158,6 +158,7 @@ def test_in_a_browser_a_prompt_is_typed_the_rig_moves_and_a_refusal_is_read(rig,
         tab.press("Enter", 13)
         tab.wait("nobody here can <fly>")
         assert "swing" in tab.text()
+        tab.evaluate("document.querySelector('.mantine-Notification-closeButton')?.click()")  # it lies over the rig
         put(tab, "Home", 36)
         tab.wait("play")  # it pauses where it was put
         before = rig_in(tab)
@@ -174,4 +175,10 @@ def put(tab: Tab, key: str, code: int) -> None:
 
 def rig_in(tab: Tab) -> np.ndarray:
     """What is seen between the panels."""
-    return np.asarray(tab.picture(), int)[:, 410:830]
+    return np.asarray(tab.picture(), int)[:, 410:780]
+
+
+def test_a_trajectory_of_another_rig_has_no_preview(rig):
+    motion = two_arm_motion(seconds=0.1)
+    with pytest.raises(ValueError, match="trajectory is for rig 'other' with 2 joints, not for 'two_arm'"):
+        prepare(replace(motion, rig="other"), rig, *judge(motion, rig))
