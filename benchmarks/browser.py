@@ -20,6 +20,7 @@ from PIL import Image
 from websockets.sync.client import ClientConnection, connect
 
 PATIENCE = 60.0  # s; software drawing takes a while
+CLOSING = 10.0  # s to go by itself
 LARGEST = 64 * 2**20  # bytes of a message: a picture
 
 
@@ -115,6 +116,10 @@ def browser(program: str, size: tuple[int, int] = (1280, 800)) -> Iterator[Tab]:
                 yield tab
         finally:
             process.terminate()
+            try:
+                process.wait(CLOSING)
+            except subprocess.TimeoutExpired:  # it may not listen while it draws
+                process.kill()
 
 
 def _address(room: Path) -> str:
