@@ -34,13 +34,15 @@ from motiongen.files import replacing
 
 ROOT = Path(__file__).parent.parent
 MODEL = "mdm"
-OTHERS = ("motiondiffuse", "free")  # models that are held against it
+OTHERS = ("motiondiffuse", "diffusionphase", "free")  # models that are held against it
 SUBJECTS = ("real", MODEL, *OTHERS, "gestures", "retrieval", "mean-pose", "noise")
 AFTER = {
     "mdm": "after the Motion Diffusion Model (Tevet et al. 2022): a transformer in decoder form that predicts the\n"
     "clean motion and listens to every word by cross-attention",
     "motiondiffuse": "after MotionDiffuse (Zhang et al. 2022): a cross-modality linear transformer that estimates the\n"
     "noise, its blocks styled by text and noise level ([motiondiffuse.md](motiondiffuse.md))",
+    "diffusionphase": "after DiffusionPhase (Wan et al. 2023): a transformer that draws amplitudes, shifts and offsets of\n"
+    "periodic phases, and an auto-encoder that makes motion of them ([diffusionphase.md](diffusionphase.md))",
     "free": "the network of [mdm](model-card.md) with a layer less, trained only on motion that may be\n"
     "used commercially: CMU's clips, our own gestures, and what is composed of these",
 }
@@ -148,6 +150,14 @@ def _trained() -> str:
 
 def _millions(weights: Weights) -> float:
     return sum(v.size for v in weights.tensors.values()) / 1e6
+
+
+def _token(weights: Weights) -> str:
+    return f"{weights.sizes['patch']} frames a token" if "patch" in weights.sizes else "a frequency a token"
+
+
+def _beyond(weights: Weights) -> str:
+    return "window by window" if "patch" in weights.sizes else "its primary segment is repeated"
 
 
 def _contents(results: Results, names: tuple[str, ...]) -> str:
@@ -284,7 +294,7 @@ def card(name: str, results: Results) -> str:
     return f"""# Model card: `{name}`
 
 Text to human motion by diffusion, {AFTER[name]}.
-{_millions(w):.2f} M parameters, {w.sizes["patch"]} frames a token, {w.sizes["heads"]} heads.
+{_millions(w):.2f} M parameters, {_token(w)}, {w.sizes["heads"]} heads.
 
 Written by `benchmarks/results.py` on {results.date}, {results.machine}; no figure here was typed.
 
@@ -293,7 +303,7 @@ Written by `benchmarks/results.py` on {results.date}, {results.machine}; no figu
 | file | `motiongen/weights/{file.name}`, {file.stat().st_size / 1e6:.2f} MB, digest `{w.digest}` |
 | licence of the weights | {w.licence} |
 {about}
-| output | 22 joints of SMPL at {FPS:g} frames/s, 1 to 60 s; beyond {w.window / FPS:g} s window by window |
+| output | 22 joints of SMPL at {FPS:g} frames/s, 1 to 60 s; beyond {w.window / FPS:g} s {_beyond(w)} |
 
 ## What it can do, and how well
 
