@@ -31,7 +31,7 @@ from retarget.retarget import retarget
 from retarget.rig import Rig
 from retarget.trajectory import Trajectory
 from sim.checks import judge
-from sim.fix import can_feel
+from sim.feedback import controllers
 from sim.geometry import measure
 from sim.mending.mend import LONGEST, mend
 from sim.mending.tidy import Mended
@@ -39,7 +39,6 @@ from sim.report import Controller
 from sim.scene import build_scene
 from sim.thresholds import PASS_RATE
 from sim.trials import run_trials
-from sim.upright import upright_of
 
 FAR = 0.7  # of the way that was asked for
 GOES = 0.5  # root heights: who goes less far does not go anywhere
@@ -105,9 +104,10 @@ def found_of(asked: Asked, trials: int, threads: int, sees: Judge) -> dict[str, 
     tries = [run(Mended(asked.trajectory, ()), "open_loop")] if before else []
     if not any(map(is_free, tries)):
         mended = mend(asked.trajectory, asked.rig)
-        tries.append(run(mended, "open_loop"))
-        if can_feel(asked.rig) and not is_free(tries[-1]):
-            tries.append(run(mended, "imu"))
+        for controller in controllers(asked.rig):
+            tries.append(run(mended, controller))
+            if is_free(tries[-1]):
+                break
     return {"before": before, "tries": [asdict(t) for t in tries]}
 
 
@@ -116,14 +116,13 @@ def tried(asked: Asked, mended: Mended, controller: Controller, *, count: int, t
     what = mended.trajectory
     report, rollout = judge(what, asked.rig, mount="free", controller=controller)
     scene = build_scene(asked.rig, "free", what.qpos[0])
-    upright = upright_of(asked.rig) if controller == "imu" else None
     passed, done, fell = 0, 0, Counter[str]()
     for batch in BATCHES if report.ok else ():
         many = min(batch, count - done)
         if many <= 0 or passed >= PASS_RATE * count or passed + count - done < PASS_RATE * count:
             break
         geometry = measure(scene, what.qpos)
-        found = run_trials(what, scene, geometry, many, first=done, threads=threads, upright=upright)
+        found = run_trials(what, scene, geometry, many, first=done, threads=threads, controller=controller)
         passed, done = passed + found.passed, done + many
         fell.update(dict(found.failures))
     longer = what.duration / asked.trajectory.duration

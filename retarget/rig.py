@@ -136,11 +136,14 @@ class Pose:
 
 @dataclass(frozen=True)
 class Sensors:
-    """What the rig can feel; `delay` in seconds from the world to the controller."""
+    """What the rig can feel; `delay` in seconds from the world to the controller. `full_state`: where its root is in
+    the world and how fast it moves, as motion capture or a simulation knows.
+    """
 
     encoders: bool
     imu: bool
     delay: float
+    full_state: bool = False
 
 
 @dataclass(frozen=True)
@@ -267,7 +270,10 @@ def _rig(folder: Path, t: Table) -> Rig:
         feet=feet,
         nominal=t.table("nominal", partial(_pose, joints)),
         safe=t.table("safe", partial(_pose, joints)),
-        sensors=t.table("sensors", lambda s: Sensors(s.flag("encoders"), s.flag("imu"), s.number("delay"))),
+        sensors=t.table(
+            "sensors",
+            lambda s: Sensors(s.flag("encoders"), s.flag("imu"), s.number("delay"), s.flag("full_state", False)),
+        ),
         power=t.table(
             "power", lambda p: Power(p.number("voltage", positive=True), p.number("current", positive=True)), None
         ),

@@ -19,7 +19,6 @@ from sim.simulate import Rollout, require_fit, run
 from sim.standing import STANDING
 from sim.thresholds import PASS_RATE, THRESHOLDS
 from sim.trials import run_trials
-from sim.upright import upright_of
 
 CHECKS = (*COMMANDED, *STANDING, *PHYSICAL, *DRIVES, pinch)
 
@@ -38,20 +37,19 @@ def judge(
 
     With `trials` the motion is also run that often on disturbed rigs, drawn from `seed`, `threads` at a time, and
     passes only if nine in ten do; see `sim.trials`. Raises ValueError where the trajectory is not for this rig, the
-    mount is unknown, it has no IMU for the `imu` controller, trials are negative or threads less than 1.
+    mount is unknown, it lacks what the controller takes, trials are negative or threads less than 1.
     """
     require_fit(trajectory, rig)
     held = rig.mount if mount is None else mount
     scene = build_scene(rig, held, trajectory.qpos[0])
     asked = measure(scene, trajectory.qpos)
-    upright = upright_of(rig) if controller == "imu" else None
-    rollout = run(scene, trajectory, upright=upright)
+    rollout = run(scene, trajectory, controller=controller)
     stands = balance(scene, trajectory) if held == "free" and rig.feet else None
     evidence = Evidence(trajectory, scene, rollout, asked, measure(scene, rollout.qpos), stands)
     checks = tuple(check(evidence) for check in CHECKS)
     tried = None
     if trials:
-        tried = run_trials(trajectory, scene, asked, trials, seed=seed, threads=threads, upright=upright)
+        tried = run_trials(trajectory, scene, asked, trials, seed=seed, threads=threads, controller=controller)
     report = Report(
         ok=all(c.ok for c in checks) and (tried is None or tried.rate >= PASS_RATE),
         report_id=report_id(trajectory, rig, held, controller),

@@ -10,6 +10,7 @@ from retarget.rig import Mount, Rig
 from retarget.timeline import normalised
 from retarget.trajectory import Trajectory
 from sim.checks import judge
+from sim.feedback import controllers
 from sim.mending.feet import between
 from sim.mending.mend import LONGEST, mend
 from sim.mending.tidy import Mended, tidy
@@ -32,9 +33,9 @@ def judge_mended(
 ) -> tuple[Trajectory, Report, Rollout]:
     """The trajectory that `judge` passes, or the one that comes nearest, with its report and rollout.
 
-    It is the given one where that passes, or without `fix`. Else, on its own feet, the mended one, first without and
-    then, where the rig has what it takes, with its IMU; and where a stand or a harness holds it, a tidy one, then a
-    slower one. The report tells what was changed. Raises what `judge` raises.
+    It is the given one where that passes, or without `fix`. Else, on its own feet, the mended one, first without a
+    controller and then with what the rig has: its IMU, its full state; and where a stand or a harness holds it, a tidy
+    one, then a slower one. The report tells what was changed. Raises what `judge` raises.
     """
     held = rig.mount if mount is None else mount
 
@@ -46,8 +47,7 @@ def judge_mended(
         return best
     if held == "free" and rig.feet:
         mended = mend(trajectory, rig)
-        controllers: tuple[Controller, ...] = ("open_loop", "imu") if can_feel(rig) else ("open_loop",)
-        tried = [(mended, controller) for controller in controllers]
+        tried = [(mended, controller) for controller in controllers(rig)]
     else:
         tired = {c.name for c in best[1].failures()} & TIRED
         tidied = tidy(trajectory, rig, held)
@@ -61,11 +61,6 @@ def judge_mended(
         if len(now[1].failures()) < len(best[1].failures()):
             best = now
     return best
-
-
-def can_feel(rig: Rig) -> bool:
-    """Whether the rig has what the `imu` controller needs."""
-    return rig.sensors.imu and any(foot.upright for foot in rig.feet)
 
 
 def slowed(tidied: Mended, factor: float) -> Mended:

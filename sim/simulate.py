@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,9 +13,10 @@ from numpy.typing import NDArray
 
 from retarget.rig import Mount, Rig
 from retarget.trajectory import Trajectory
+from sim.feedback import feedback_of
 from sim.harness import harness_path
+from sim.report import Controller
 from sim.scene import DRIVE, TIMESTEP, Scene, build_scene
-from sim.upright import Upright, corrections, lean, standing, turning
 
 Array = NDArray[np.float64]
 
@@ -97,9 +97,14 @@ def require_fit(trajectory: Trajectory, rig: Rig) -> None:
         )
 
 
-def run(scene: Scene, trajectory: Trajectory, push: Push | None = None, upright: Upright | None = None) -> Rollout:
-    """`simulate` on a scene that is already built, with a `push` and kept `upright` where asked for."""
-    return run_many(scene, [scene.model], trajectory, [push], threads=1, upright=upright)[0]
+def run(
+    scene: Scene, trajectory: Trajectory, push: Push | None = None, controller: Controller = "open_loop"
+) -> Rollout:
+    """`simulate` on a scene that is already built, with a `push` and under a `controller` where asked for.
+
+    Raises ValueError where the rig lacks what the controller takes.
+    """
+    return run_many(scene, [scene.model], trajectory, [push], threads=1, controller=controller)[0]
 
 
 def run_many(
@@ -108,7 +113,7 @@ def run_many(
     trajectory: Trajectory,
     pushes: Sequence[Push | None],
     threads: int,
-    upright: Upright | None = None,
+    controller: Controller = "open_loop",
 ) -> list[Rollout]:
     """`run` on each of `models`, variants of the scene's own, with the push of the same place; `threads` at a time."""
     frames, count = len(trajectory), len(models)
@@ -122,7 +127,7 @@ def run_many(
     with _quiet():
         settle = _controls(scene, trajectory, np.zeros(round(SETTLE / TIMESTEP), int), None, pushes=[None] * count)
         state = _roll(models, datas, state, settle)[0][:, -1]
-        feedback = None if upright is None else _Feedback(upright, scene, trajectory)
+        feedback = feedback_of(controller, scene, trajectory)
         for first, last in _chunks(ends, CHUNK if feedback is None else 0):
             begun = ends[first - 1] if first else 0
             frame = np.repeat(np.arange(first, last), np.diff(ends[first:last], prepend=begun))
@@ -137,7 +142,7 @@ def run_many(
     broken = [h.broken for h in holds]
     if count > 1 and any(b is not None for b in broken):  # threads share their data: only alone does one tell the body
         return [
-            h.rollout(scene, trajectory, None) if b is None else run_many(scene, [m], trajectory, [p], 1, upright)[0]
+            h.rollout(scene, trajectory, None) if b is None else run_many(scene, [m], trajectory, [p], 1, controller)[0]
             for m, p, b, h in zip(models, pushes, broken, holds, strict=True)
         ]
     return [
@@ -169,26 +174,6 @@ def run_on(scene: Scene, trajectory: Trajectory, state: Array) -> tuple[Rollout,
     hold.add(0, 0, ends, begun, states[0], forces[0])
     broken = None if hold.broken is None else Breakdown(hold.broken, _body(scene.model, data))
     return hold.rollout(scene, trajectory, broken), states[0, np.maximum(ends - 1, 0)]
-
-
-class _Feedback:
-    """What is added to the targets of a frame: by what the sensors said a while before it began."""
-
-    def __init__(self, upright: Upright, scene: Scene, trajectory: Trajectory) -> None:
-        self.upright, self.asked, self.turning = upright, trajectory.root_quat, turning(trajectory)
-        self.stands = standing(trajectory, scene.rig)
-        self.wait = math.ceil(upright.delay * trajectory.fps - 1e-9)  # frames
-        self.spin = 1 + scene.model.nq + np.arange(3, 6)  # of the root in its own frame, in a state
-        self.felt: list[Array] = []
-
-    def added(self, frame: int, state: Array) -> Array:
-        """(runs, nj) rad, for `state` (runs, ·) at the start of the hold of `frame`."""
-        self.felt.append(state)
-        back = max(frame - self.wait, 0)
-        was = self.felt[back]
-        at = max(back - 1, 0)  # what a hold begins with is what the one before it should have led to
-        leans = lean(was[:, 4:8], was[:, self.spin], self.asked[at], self.turning[at], self.upright.ahead)
-        return corrections(self.upright, leans, self.stands[frame])
 
 
 def _chunks(ends: NDArray[np.int_], most: int) -> Iterator[tuple[int, int]]:

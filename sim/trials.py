@@ -12,10 +12,9 @@ from retarget.trajectory import Trajectory
 from sim.evidence import Evidence
 from sim.geometry import Geometry, measure
 from sim.physical import PHYSICAL
-from sim.report import Trials
+from sim.report import Controller, Trials
 from sim.scene import DAMPING, DRIVE, GAIN, Scene, build_scene
 from sim.simulate import Push, run_many
-from sim.upright import Upright
 
 # By how much a trial differs from the rig as it is written down: uniform, plus or minus a share.
 MASS = 0.05  # of every part: what cables, screws and covers weigh
@@ -36,7 +35,7 @@ def run_trials(
     first: int = 0,
     seed: int = 0,
     threads: int = 1,
-    upright: Upright | None = None,
+    controller: Controller = "open_loop",
 ) -> Trials:
     """How many of `count` trials, from number `first` on, pass every check on what physics made of `trajectory`.
 
@@ -52,7 +51,7 @@ def run_trials(
     pushes = [any_push(loose, trajectory.duration, draw) for draw in draws]
     failures: Counter[str] = Counter()
     passed = 0
-    for rollout in run_many(loose, models, trajectory, pushes, threads, upright):
+    for rollout in run_many(loose, models, trajectory, pushes, threads, controller):
         evidence = Evidence(trajectory, scene, rollout, asked, measure(scene, rollout.qpos), None)
         failed = [c.name for c in (check(evidence) for check in PHYSICAL) if not c.ok]
         failures.update(failed)

@@ -16,9 +16,8 @@ from drivers.upright import Felt, Standing, missing
 from motiongen.rotation import axis_angle_to_quat
 from retarget.rig import load_rig
 from retarget.trajectory import Trajectory
+from sim.feedback import feedback_of
 from sim.scene import build_scene
-from sim.simulate import _Feedback
-from sim.upright import upright_of
 
 PUPPET = load_rig("puppet")
 REPORT = "1234567890abcdef"
@@ -48,7 +47,8 @@ def test_it_adds_what_the_check_adds():
     """The same states, once as MuJoCo's in a run that is checked, once through frames and an IMU that is 20 ms late."""
     asked, rng = sway(angle=0.1), np.random.default_rng(0)
     scene = build_scene(PUPPET, "free", asked.qpos[0])
-    checked = _Feedback(upright_of(PUPPET), scene, asked)
+    checked = feedback_of("imu", scene, asked)
+    assert checked is not None
     imu = Told()
     driven = Standing(PUPPET, imu, 50.0)
     states = np.zeros((len(asked), 1 + scene.model.nq + scene.model.nv))
