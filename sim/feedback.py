@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
+import mujoco
 import numpy as np
 
 from motiongen.rotation import Array
-from retarget.kinematics import moved
 from retarget.rig import Rig
 from retarget.trajectory import Trajectory
 from sim.report import Controller
-from sim.scene import Scene
+from sim.scene import TIMESTEP, Scene, build_scene
 from sim.upright import corrections, lean, standing, turning, upright_of
 from sim.whole_body import WholeBody
 
@@ -67,31 +67,43 @@ class ByLean:
 
 
 class ByState:
-    """The `full_state` controller: by the pose and velocity of the root and of the servos' shafts, as they were a while
-    before a frame began and have since gone on by the accelerations that were meant.
+    """The `full_state` controller: by where the root and the servos' shafts were, and how fast, a while before a frame
+    began. What has become of that since is what a simulation of the rig as it is written down makes of it.
     """
 
     def __init__(self, scene: Scene, trajectory: Trajectory) -> None:
         if not scene.rig.sensors.full_state:
             raise ValueError(f"rig {scene.rig.name!r} does not know its full state (sensors.full_state)")
         self._body, self._plan = WholeBody(scene, trajectory), trajectory.targets
-        self._wait, self._hold = late(scene.rig, trajectory.fps), 1 / trajectory.fps
+        self._wait, self._steps = late(scene.rig, trajectory.fps), round(1 / trajectory.fps / TIMESTEP)
+        self._model = build_scene(scene.rig, scene.mount, trajectory.qpos[0]).model
+        self._data = mujoco.MjData(self._model)
         root = np.arange(7)
         self._angles = 1 + np.concatenate([root, scene.joint_qpos])
         self._rates = 1 + scene.model.nq + np.concatenate([root[:6], scene.joint_dof])
-        self._known: list[tuple[Array, Array]] = []
-        self._meant: list[Array] = []
+        self._known: list[Array] = []
+        self._told: list[Array] = []
 
     def added(self, frame: int, states: Array) -> Array:
-        self._known.append((states[:, self._angles], states[:, self._rates]))
+        self._known.append(states)
         back = max(frame - self._wait, 0)
-        qpos, velocity = self._known[back]
-        for meant in self._meant[back:frame]:
-            qpos = moved(qpos, self._hold * (velocity + 0.5 * self._hold * meant))
-            velocity = velocity + self._hold * meant
-        found = [self._body.targets(frame, q, v) for q, v in zip(qpos, velocity, strict=True)]
-        self._meant.append(np.array([meant for _, meant in found]))
-        return np.array([told for told, _ in found]) - self._plan[frame]
+        told = np.array(
+            [self._body.targets(frame, *self._since(back, run, state)) for run, state in enumerate(self._known[back])]
+        )
+        self._told.append(told)
+        return told - self._plan[frame]
+
+    def _since(self, back: int, run: int, state: Array) -> tuple[Array, Array]:
+        """Where number `run` of the runs is now, (7 + nj,), and how it moves, (6 + nj,): its `state` of frame `back`,
+        and what it was told from then on.
+        """
+        data = self._data
+        mujoco.mj_resetData(self._model, data)
+        data.qpos[:], data.qvel[:] = state[self._angles], state[self._rates]
+        for told in self._told[back:]:
+            data.ctrl[:] = told[run]
+            mujoco.mj_step(self._model, data, self._steps)
+        return data.qpos.copy(), data.qvel.copy()
 
 
 def late(rig: Rig, fps: float) -> int:

@@ -79,12 +79,18 @@ class WholeBody:
         lean = GRIP / np.sqrt(2)
         self._edges = np.array([[lean, lean, 1], [lean, -lean, 1], [-lean, lean, 1], [-lean, -lean, 1]])
 
-    def targets(self, frame: int, qpos: Array, velocity: Array) -> tuple[Array, Array]:
+    def targets(self, frame: int, qpos: Array, velocity: Array) -> Array:
         """(nj,) rad that the servos are to be told for `frame`, where the body now is at `qpos` (7 + nj,) and moves by
-        `velocity` (6 + nj,); and the acceleration (6 + nj,) that comes of it.
-
-        The targets of the trajectory, where there is no answer: for a body that has long fallen.
+        `velocity` (6 + nj,). Those of the trajectory where there is no answer, for a body that has long fallen.
         """
+        found = self.answer(frame, qpos, velocity)
+        if found is None:
+            return self._targets[frame]
+        acceleration, torque = found
+        return self._told(qpos[7:], velocity[6:], acceleration[6:], torque)
+
+    def answer(self, frame: int, qpos: Array, velocity: Array) -> tuple[Array, Array] | None:
+        """The accelerations (6 + nj,), and the torques (nj,) N·m, that come nearest to what the motion wants."""
         inertia, bias, com, fall = self._dynamics(qpos, velocity)
         at = max(frame - 1, 0)  # a frame begins where the one before it should have ended
         feet = [self._foot(body, sole, velocity) for body, sole in self._feet]
@@ -97,11 +103,7 @@ class WholeBody:
             parts.append(self._foothold(i, at, frame, foot, on))
             pushes += [_pushes(foot, corner, self._edges) for corner in foot.corners[on]]
         rows, wanted, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-        found = self._solved(rows, wanted, weight, inertia, bias, np.concatenate(pushes, axis=1))
-        if found is None:
-            return self._targets[frame], np.zeros(len(velocity))
-        acceleration, torque = found
-        return self._told(qpos[7:], velocity[6:], acceleration[6:], torque), acceleration
+        return self._solved(rows, wanted, weight, inertia, bias, np.concatenate(pushes, axis=1))
 
     def _dynamics(self, qpos: Array, velocity: Array) -> tuple[Array, Array, Array, Array]:
         """Inertia (nv, nv), forces (nv,) at no acceleration, centre of mass (3,), and its acceleration (3,) then."""

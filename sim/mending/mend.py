@@ -21,7 +21,7 @@ from sim.mending.body import Body, body_of
 from sim.mending.feet import Feet, find_feet
 from sim.mending.lead import led
 from sim.mending.legs import stand
-from sim.mending.pace import Pace, find_pace, segments
+from sim.mending.pace import Pace, find_pace, hurried, segments
 from sim.mending.root import follow, height, shown
 from sim.mending.steps import Steps, find_steps
 from sim.mending.tidy import SHORTEST, Mended, leg_joints, tidy
@@ -64,11 +64,12 @@ def mend(trajectory: Trajectory, rig: Rig) -> Mended:
     trajectory, body = tidied.trajectory, body_of(rig)
     at = poses(body.tree, trajectory.qpos)
     steps = find_steps(body, trajectory, at, LONGEST)
-    drawn = np.ones(2 * len(steps.swings) + 1)
+    longest = LONGEST * (len(trajectory) - 1)
+    drawn = np.full(2 * len(steps.swings) + 1, hurried(steps, body.beat, trajectory.fps, longest))
     for _ in range(PACES):
         draft = _draft(body, trajectory, steps, at, drawn)
         lasts = np.diff(draft.pace.marks)
-        spare = LONGEST * (len(trajectory) - 1) - lasts.sum()
+        spare = longest - lasts.sum()
         if draft.speed.max() <= 1 or spare < 1:
             break
         need = np.ones(len(drawn))

@@ -11,6 +11,7 @@ from motiongen.rotation import Array
 from sim.mending.steps import BOTH, REST, SWING, Steps
 
 SMOOTH = 0.06  # s over which a change of pace is spread
+HURRIED = 0.8  # of the time that steps should have, where else they would take too long
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,12 @@ def find_pace(steps: Steps, drawn: Array, beat: float, fps: float) -> Pace:
     padded = np.pad(at, around, mode="reflect", reflect_type="odd")  # so that the ends stay where they are
     at = gaussian_filter1d(padded, SMOOTH * fps)[around : around + len(at)]
     return Pace(np.clip(at, 0, steps.frames - 1), then)
+
+
+def hurried(steps: Steps, beat: float, fps: float, longest: float) -> float:
+    """By how much `steps` are to be drawn out so that they take no more than `longest` frames: 1 or a little less."""
+    lasts = float(find_pace(steps, np.ones(2 * len(steps.swings) + 1), beat, fps).marks[-1])
+    return float(np.clip(longest / lasts, HURRIED, 1.0))
 
 
 def segments(pace: Pace) -> NDArray[np.intp]:

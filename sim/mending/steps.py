@@ -25,7 +25,7 @@ from sim.thresholds import rig_size
 # In heights of the root.
 STAYS = 0.06  # a foot that moves less has not stepped …
 LIFTS = 0.06  # … unless it was lifted higher
-LONGEST = 0.52  # from one foot to the other, along either one's heading
+LONGEST = 0.62  # from one foot to the other, along either one's heading
 NARROWEST, WIDEST = 0.9, 1.9  # from one foot to the other, across, over the nominal stance
 TURNS = 0.2  # rad: a foot that turns less has not stepped
 INWARD, OUTWARD = 0.2, 0.5  # rad, that a foot is turned from the other one at most
