@@ -31,8 +31,10 @@ from sim.report import Change
 MARGIN = 0.6  # of half the breadth of a sole, that the zero-moment point keeps from its edge
 ROUNDS = 6  # of balance at most; each leaves about a quarter of what was amiss
 BALANCED = 0.008  # of the root's height: less amiss is well within the margin
-PACES = 4  # tried at most
+PACES = 8  # tried at most
+STRIDES = (1.0, 0.9, 0.8, 0.7)  # of the longest step, tried until servos are fast enough for them
 LONGEST = 2.0  # times as long as it was, at most
+PATIENT = 0.93  # of that time, up to which servos that are too slow draw it out: beyond, steps are cut
 SLACK = 1.05  # slower than a servo's speed takes
 
 
@@ -63,23 +65,32 @@ def mend(trajectory: Trajectory, rig: Rig) -> Mended:
     was, tidied = trajectory, tidy(trajectory, rig, "free")
     trajectory, body = tidied.trajectory, body_of(rig)
     at = poses(body.tree, trajectory.qpos)
-    steps = find_steps(body, trajectory, at, LONGEST)
-    longest = LONGEST * (len(trajectory) - 1)
-    drawn = np.full(2 * len(steps.swings) + 1, hurried(steps, body.beat, trajectory.fps, longest))
-    for _ in range(PACES):
-        draft = _draft(body, trajectory, steps, at, drawn)
-        lasts = np.diff(draft.pace.marks)
-        spare = longest - lasts.sum()
-        if draft.speed.max() <= 1 or spare < 1:
+    for stride in STRIDES:
+        steps = find_steps(body, trajectory, at, LONGEST, stride)
+        draft = _paced(body, trajectory, steps, at)
+        if draft.speed.max() <= SLACK:
             break
-        need = np.ones(len(drawn))
-        np.maximum.at(need, segments(draft.pace), SLACK * draft.speed)
-        drawn = drawn * (1 + (need - 1) * min(1.0, spare / ((need - 1) @ lasts)))
     contacts = {leg.name: draft.feet.stands[:, i] for i, leg in enumerate(body.legs)}
     aim = led(body, draft.qpos, draft.feet, trajectory.fps)
     labels = _shifted(trajectory.labels, draft.pace, trajectory.fps)
     mended = replace(trajectory, qpos=draft.qpos, contacts=contacts, aim=aim, labels=labels)
     return Mended(mended, (*tidied.changes, *_changes(was, mended, steps, draft)))
+
+
+def _paced(body: Body, trajectory: Trajectory, steps: Steps, at: Poses) -> _Draft:
+    """`steps` at a pace at which servos are fast enough, as far as time allows."""
+    longest = LONGEST * (len(trajectory) - 1)
+    drawn = np.full(2 * len(steps.swings) + 1, hurried(steps, body.beat, trajectory.fps, longest))
+    for _ in range(PACES):
+        draft = _draft(body, trajectory, steps, at, drawn)
+        lasts = np.diff(draft.pace.marks)
+        spare = PATIENT * longest - lasts.sum()
+        if draft.speed.max() <= 1 or spare < 1:
+            break
+        need = np.ones(len(drawn))
+        np.maximum.at(need, segments(draft.pace), SLACK * draft.speed)
+        drawn = drawn * (1 + (need - 1) * min(1.0, spare / ((need - 1) @ lasts)))
+    return draft
 
 
 def _draft(body: Body, trajectory: Trajectory, steps: Steps, at: Poses, drawn: Array) -> _Draft:

@@ -77,8 +77,10 @@ class Steps:
     shortened: float
 
 
-def find_steps(body: Body, trajectory: Trajectory, at: Poses, longest: float) -> Steps:
-    """The steps of `trajectory`, whose poses are `at`. Added are only such as fit into `longest` times its time."""
+def find_steps(body: Body, trajectory: Trajectory, at: Poses, longest: float, stride: float = 1.0) -> Steps:
+    """The steps of `trajectory`, whose poses are `at`, none longer than `stride` times what the legs take. Added are
+    only such as fit into `longest` times its time.
+    """
     frames = len(trajectory)
     flags = [
         trajectory.contacts[leg.name]
@@ -95,7 +97,7 @@ def find_steps(body: Body, trajectory: Trajectory, at: Poses, longest: float) ->
     before = sum(map(len, stances))
     lasts = max(trajectory.duration, (2 * REST + (before - len(stances)) * (SWING + BOTH)) * body.beat)
     more = int((longest * trajectory.duration - lasts) / ((SWING + BOTH) * body.beat))
-    stances, shortened = _shortened(body, stances, more)
+    stances, shortened = _shortened(body, stances, more, stride * _longest(body))
     swings = sorted(
         (
             Swing(i, before, after, before.end, after.start)
@@ -176,8 +178,9 @@ def _close(body: Body, at: Poses, stances: list[list[Stance]], ends: int, early:
     return closing
 
 
-def _shortened(body: Body, stances: list[list[Stance]], more: int) -> tuple[list[list[Stance]], float]:
-    """No step longer, wider, narrower or turned more than legs take, and by how many metres the longest was cut.
+def _shortened(body: Body, stances: list[list[Stance]], more: int, longest: float) -> tuple[list[list[Stance]], float]:
+    """No step longer than `longest` (m) or wider, narrower or turned more than legs take, and by how many metres the
+    longest was cut.
 
     Steps that cannot turn as far as they should are followed by `more` of them at most, on the spot, until the feet
     face where they should in the end.
@@ -188,7 +191,7 @@ def _shortened(body: Body, stances: list[list[Stance]], more: int) -> tuple[list
     shift, cut = np.zeros(2), 0.0
     landings = sorted(((s.start, i, s) for i, mine in enumerate(stances) for s in mine[1:]), key=lambda x: x[:2])
     for _, i, stance in landings:
-        held, back = _held(body, stances, i, replace(stance, spot=stance.spot + shift), out[1 - i][-1])
+        held, back = _held(body, stances, i, replace(stance, spot=stance.spot + shift), out[1 - i][-1], longest)
         shift, cut = shift + back, max(cut, float(np.linalg.norm(back)))
         out[i].append(held)
     if not landings:
@@ -202,17 +205,19 @@ def _shortened(body: Body, stances: list[list[Stance]], more: int) -> tuple[list
         out[foot][-1] = replace(last, end=now)
         aside = turned(np.array([0.0, _side(stances, foot) * _across(stances)]), other.yaw)
         wanted = Stance(now + 1, now + 2, other.spot + aside, stances[foot][-1].yaw)
-        out[foot].append(_held(body, stances, foot, wanted, other)[0])
+        out[foot].append(_held(body, stances, foot, wanted, other, longest)[0])
         out[1 - foot][-1] = replace(other, end=now + 2)
         foot = 1 - foot
     return out, cut
 
 
-def _held(body: Body, stances: list[list[Stance]], foot: int, asked: Stance, other: Stance) -> tuple[Stance, Array]:
+def _held(
+    body: Body, stances: list[list[Stance]], foot: int, asked: Stance, other: Stance, longest: float
+) -> tuple[Stance, Array]:
     """`asked` as near to it as leg number `foot` gets while the other one stands on `other`; and by what it fell short
     along the heading of that, (2,) metres.
     """
-    side, across, longest = _side(stances, foot), _across(stances), _longest(body)
+    side, across = _side(stances, foot), _across(stances)
     out_turn = float(np.clip(side * (asked.yaw - other.yaw), -INWARD, OUTWARD))
     room = abs(np.sin(out_turn)) * float(np.ptp(body.legs[foot].sole[:, 0])) / 2  # that a turned sole takes more
     way = turned(asked.spot - other.spot, -other.yaw)
