@@ -16,10 +16,11 @@ from retarget.trajectory import Trajectory
 from rigcast.__main__ import main
 from sim.fix import judge_mended
 from sim.mending.body import body_of
-from sim.mending.feet import Feet
+from sim.mending.feet import APART, Feet, find_feet
 from sim.mending.lead import led, loose
 from sim.mending.mend import LONGEST, mend
-from sim.mending.steps import INWARD, OUTWARD, find_steps
+from sim.mending.pace import HURRIED, find_pace, hurried
+from sim.mending.steps import INWARD, OUTWARD, Stance, Steps, Swing, find_steps
 from sim.mending.weight import shift
 from sim.scene import build_scene
 
@@ -133,3 +134,35 @@ def test_a_trajectory_of_another_rig_is_one_line(tmp_path, capsys) -> None:
     assert said.out == ""
     assert said.err.count("\n") == 1
     assert "trajectory is for rig 'puppet' with 20 joints, not for 'humanoid'" in said.err
+
+
+def test_a_foot_goes_around_the_one_that_it_passes() -> None:
+    """The right foot has turned across the way of the left one, which must not go straight."""
+    at = poses(BODY.tree, still(3.0).qpos)
+    left, right = (at.place[0, leg.body, :2] for leg in BODY.legs)
+    first = (Stance(0, 40, left, 0.0), Stance(0, 10, right, 0.0))
+    other = Stance(30, 150, right + np.array([0.15, 0.0]), -0.5)
+    swings = (
+        Swing(1, first[1], other, 10, 30),
+        Swing(0, first[0], Stance(60, 150, left + np.array([0.22, -0.02]), -0.5), 40, 60),
+    )
+    steps = Steps(first, swings, 150, False, 0, 0.0)
+    pace = find_pace(steps, np.ones(5), BODY.beat, FPS)
+    lift, land = pace.swings[1]
+    path = find_feet(BODY, steps, pace, at).place[lift : land + 1, 0, :2]
+    turn = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
+    ahead, aside = turn @ (path - other.spot).T
+    across, sole = np.linalg.norm(left - right), np.ptp(BODY.legs[0].sole[:, 0])
+    straight = turn @ (np.linspace(path[0], path[-1], 50) - other.spot).T
+    assert straight[1][np.abs(straight[0]) < sole].min() < 0.7 * across
+    assert aside[np.abs(ahead) < sole].min() > (APART - 0.02) * across
+    np.testing.assert_allclose(path[[0, -1]], [left, left + np.array([0.22, -0.02])], atol=1e-9)
+
+
+@pytest.mark.parametrize("longest", [1000, 270, 100])
+def test_many_steps_hurry_to_be_done_in_time(longest: float) -> None:
+    """Ten swings of 2.4 beats of 0.16 s, 0.9 beats between two of them and 2.5 at both ends: 297 frames."""
+    spots = [Stance(0, 1, np.zeros(2), 0.0), Stance(1, 2, np.ones(2), 0.0)]
+    steps = Steps((spots[0], spots[0]), (Swing(0, spots[0], spots[1], 1, 2),) * 10, 20, False, 0, 0.0)
+    lasts = (10 * 2.4 + 9 * 0.9 + 2 * 2.5) * 0.16 * FPS
+    assert hurried(steps, 0.16, FPS, longest) == pytest.approx(max(HURRIED, min(1.0, longest / lasts)), abs=0.01)

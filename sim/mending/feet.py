@@ -20,9 +20,10 @@ from retarget.contacts import Flags
 from retarget.kinematics import Poses
 from sim.mending.body import Body, Leg, sole_height, sole_turn
 from sim.mending.pace import Pace
-from sim.mending.steps import Steps, Swing
+from sim.mending.steps import Stance, Steps, Swing, turned
 
 CLEAR = 0.075  # of the root's height, that a sole is lifted half-way
+APART = 0.8  # of the distance between the feet at first, that one keeps from the other where it passes
 FADE = 0.2  # of a swing, at either end, over which the motion's own way of the foot comes in
 
 
@@ -40,16 +41,44 @@ def find_feet(body: Body, steps: Steps, pace: Pace, at: Poses) -> Feet:
     frames, legs = len(pace.at), len(body.legs)
     place, turn = np.empty((frames, legs, 3)), np.empty((frames, legs, 4))
     stands = np.ones((frames, legs), bool)
+    beside = _beside(steps)
     for i, leg in enumerate(body.legs):
         now = steps.first[i]
         _stand(place[:, i], turn[:, i], leg, now.spot, now.yaw)
-        for swing, (lift, land) in zip(steps.swings, pace.swings, strict=True):
+        for swing, other, (lift, land) in zip(steps.swings, beside, pace.swings, strict=True):
             if swing.leg != i:
                 continue
             place[lift:land, i], turn[lift:land, i] = _way(body, leg, swing, at, land - lift)
+            if other is not None:
+                place[lift:land, i, :2] = _past(place[lift:land, i, :2], leg, steps, i, other)
             stands[lift + 1 : land, i] = False
             _stand(place[land:, i], turn[land:, i], leg, swing.after.spot, swing.after.yaw)
     return Feet(place, turn, stands)
+
+
+def _beside(steps: Steps) -> list[Stance | None]:
+    """For each swing where the other foot stands; None where there is not just one other."""
+    now, found = list(steps.first), list[Stance | None]()
+    for swing in steps.swings:
+        found.append(now[1 - swing.leg] if len(now) == 2 else None)
+        now[swing.leg] = swing.after
+    return found
+
+
+def _past(flat: Array, leg: Leg, steps: Steps, foot: int, other: Stance) -> Array:
+    """The way `flat` (frames, 2) of foot number `foot`, bowed out where it would pass too near the one on `other`."""
+    first, beside = steps.first[foot], steps.first[1 - foot]
+    apart = turned(first.spot - beside.spot, -beside.yaw)
+    side = float(np.sign(apart[1]))
+    ahead, aside = turned((flat - other.spot).T, -other.yaw)
+    u = np.arange(len(flat)) / len(flat)
+    bow = 16 * (u * (1 - u)) ** 2
+    lacks = APART * float(np.linalg.norm(apart)) - side * aside
+    alongside = (np.abs(ahead) < float(np.ptp(leg.sole[:, 0]))) & (lacks > 0)
+    if not alongside.any():
+        return flat
+    out = float((lacks / np.maximum(bow, 0.5))[alongside].max()) * side  # ends are footholds, and stay
+    return flat + bow[:, None] * turned(np.array([0.0, out]), other.yaw)
 
 
 def _stand(place: Array, turn: Array, leg: Leg, spot: Array, yaw: float) -> None:
