@@ -32,9 +32,9 @@ MARGIN = 0.6  # of half the breadth of a sole, that the zero-moment point keeps 
 ROUNDS = 6  # of balance at most; each leaves about a quarter of what was amiss
 BALANCED = 0.008  # of the root's height: less amiss is well within the margin
 PACES = 8  # tried at most
-STRIDES = (1.0, 0.9, 0.8, 0.7)  # of the longest step, tried until servos are fast enough for them
+# Shares of the longest step, and of the time, that are tried until servos are fast enough for them.
+STRIDES = ((1.0, 0.93), (0.9, 0.93), (0.8, 0.93), (0.7, 0.93), (1.0, 1.0))
 LONGEST = 2.0  # times as long as it was, at most
-PATIENT = 0.93  # of that time, up to which servos that are too slow draw it out: beyond, steps are cut
 SLACK = 1.05  # slower than a servo's speed takes
 
 
@@ -65,11 +65,13 @@ def mend(trajectory: Trajectory, rig: Rig) -> Mended:
     was, tidied = trajectory, tidy(trajectory, rig, "free")
     trajectory, body = tidied.trajectory, body_of(rig)
     at = poses(body.tree, trajectory.qpos)
-    for stride in STRIDES:
+    tried: list[tuple[Steps, _Draft]] = []
+    for stride, share in STRIDES:
         steps = find_steps(body, trajectory, at, LONGEST, stride)
-        draft = _paced(body, trajectory, steps, at)
-        if draft.speed.max() <= SLACK:
+        tried.append((steps, _paced(body, trajectory, steps, at, share)))
+        if tried[-1][1].speed.max() <= SLACK:
             break
+    steps, draft = min(tried, key=lambda each: each[1].speed.max())
     contacts = {leg.name: draft.feet.stands[:, i] for i, leg in enumerate(body.legs)}
     aim = led(body, draft.qpos, draft.feet, trajectory.fps)
     labels = _shifted(trajectory.labels, draft.pace, trajectory.fps)
@@ -77,14 +79,14 @@ def mend(trajectory: Trajectory, rig: Rig) -> Mended:
     return Mended(mended, (*tidied.changes, *_changes(was, mended, steps, draft)))
 
 
-def _paced(body: Body, trajectory: Trajectory, steps: Steps, at: Poses) -> _Draft:
-    """`steps` at a pace at which servos are fast enough, as far as time allows."""
+def _paced(body: Body, trajectory: Trajectory, steps: Steps, at: Poses, share: float) -> _Draft:
+    """`steps` at a pace at which servos are fast enough, as far as `share` of the time allows."""
     longest = LONGEST * (len(trajectory) - 1)
     drawn = np.full(2 * len(steps.swings) + 1, hurried(steps, body.beat, trajectory.fps, longest))
     for _ in range(PACES):
         draft = _draft(body, trajectory, steps, at, drawn)
         lasts = np.diff(draft.pace.marks)
-        spare = PATIENT * longest - lasts.sum()
+        spare = share * longest - lasts.sum()
         if draft.speed.max() <= 1 or spare < 1:
             break
         need = np.ones(len(drawn))
