@@ -37,7 +37,7 @@ FORCE = 1e-7  # N⁻²: so that feet share the load
 STILL = 1e-6  # of any acceleration, so that there is one answer
 GRIP = 0.5  # coefficient of friction: floors may be smoother than thought
 SPARE = 0.95  # of a servo's torque: its supply may be weaker than thought
-TOUCHING = 0.004  # m at human size: a point of a sole that is lower carries
+TOUCHING = 0.008  # m at human size: a point of a sole that is lower carries, or does as soon as it is pressed on
 UNBOUNDED = 1e30  # as daqp has it
 EQUAL = 5  # daqp's kind of a row that is an equation
 
