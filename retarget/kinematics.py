@@ -7,7 +7,7 @@ body is one cross product, taken here over whole arrays: axis × (point − anch
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import mujoco
@@ -44,6 +44,15 @@ class Meetings:
     def of(self, which: Indices) -> Meetings:
         """Those at the indices `which`."""
         return Meetings(self.frame[which], self.bodies[which], self.apart[which], self.normal[which], self.place[which])
+
+    def carried(self, before: Poses, after: Poses) -> Meetings:
+        """The same, found at the poses `before`, at nearby poses `after`: the two points stay on their bodies."""
+        frame = self.frame[:, None]
+        spot = self.place[:, None] - before.place[frame, self.bodies]
+        spot = np.einsum("nbij,nbi->nbj", before.matrix[frame, self.bodies], spot)
+        spot = np.einsum("nbij,nbj->nbi", after.matrix[frame, self.bodies], spot) + after.place[frame, self.bodies]
+        apart = self.apart + np.einsum("ni,ni->n", spot[:, 1] - spot[:, 0], self.normal)
+        return replace(self, apart=apart, place=spot.mean(1))
 
 
 @dataclass(frozen=True)
@@ -122,6 +131,15 @@ def velocities(at: Poses, dofs: Indices, points: Array, frames: Indices | slice 
     out = cross(axis, points - anchor)
     slide = dofs < 3
     out[:, slide] = axis[:, slide]
+    return out
+
+
+def twists(at: Poses) -> Array:
+    """(T, nv, 6) how a unit rate of each degree of freedom turns what it carries, and moves it where that is at the
+    origin of the world.
+    """
+    out = np.concatenate([at.axis, cross(at.anchor, at.axis)], axis=-1)
+    out[:, :3, :3], out[:, :3, 3:] = 0.0, at.axis[:, :3]
     return out
 
 

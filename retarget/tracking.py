@@ -14,7 +14,7 @@ import numpy as np
 
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
 from retarget.goals import Goal
-from retarget.kinematics import Indices, Poses, Tree, on_body, velocities
+from retarget.kinematics import Indices, Poses, Tree, on_body, twists
 from retarget.rest import is_site
 from retarget.rig import Rig
 
@@ -111,18 +111,25 @@ def linearised(
 ) -> tuple[Array, Array]:
     """Jacobian (T, nv, n), transposed, and value (T, n) of what is squared: `off`, as `reached` gives it with `points`,
     and `turned`, as `angles` gives it, each times the root of its weight.
+
+    A degree of freedom turns by `w` and moves what is at the origin by `v`, so a point p by w × p + v: for all points
+    and turns one product with (w, v).
     """
-    near, alike = np.sqrt(places.weight)[..., None], np.sqrt(turns.weight)[..., None]
-    held = off.shape[1]
-    rows = np.zeros((len(off), tree.model.nv, held + turned.shape[1], 3))
-    dofs, which = np.nonzero((tree.carries[places.body] - tree.carries[places.base]).T)
-    rows[:, dofs, which] = velocities(at, dofs, points[:, which]) * near[:, which]
-    dofs, which = np.nonzero(
-        (tree.carries[turns.body] - tree.carries[turns.base]).T * (np.arange(tree.model.nv) >= 3)[:, None]
-    )
-    rows[:, dofs, held + which] = at.axis[:, dofs] * alike[:, which]
-    value = np.concatenate([near * off, alike * turned], axis=1)
-    return rows.reshape(*rows.shape[:2], -1), value.reshape(len(off), -1)
+    near, alike = np.sqrt(places.weight), np.sqrt(turns.weight)
+    held, faced = near.shape[1], alike.shape[1]
+    x, y, z = np.moveaxis(points * near[..., None], -1, 0)
+    motion = np.zeros((len(off), 6, held + faced, 3))
+    motion[:, 0, :held, 1], motion[:, 0, :held, 2] = -z, y
+    motion[:, 1, :held, 0], motion[:, 1, :held, 2] = z, -x
+    motion[:, 2, :held, 0], motion[:, 2, :held, 1] = -y, x
+    for k in range(3):
+        motion[:, k, held:, k] = alike
+        motion[:, 3 + k, :held, k] = near
+    carried = np.concatenate([tree.carries[of.body] - tree.carries[of.base] for of in (places, turns)])
+    rows = twists(at) @ motion.reshape(len(off), 6, -1)
+    rows *= np.repeat(carried.T, 3, axis=1)
+    value = np.concatenate([near[..., None] * off, alike[..., None] * turned], axis=1)
+    return rows, value.reshape(len(off), -1)
 
 
 def add_springs(curvature: Array, gradient: Array, frame: Indices, rows: Array, pull: Array, stiff: float) -> None:

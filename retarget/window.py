@@ -10,7 +10,8 @@ frames wide, so that cost grows linearly with length.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -29,21 +30,24 @@ SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
 SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `limits.py` cuts off
 FIRM = 100.0  # times its weight, a planted foot's goal
-GAIN = 0.02  # a step that gains a smaller share of the cost is the last
+GAIN = 0.02  # a step that promises to gain a smaller share of the cost is the last
+UPHILL = 2.0  # times the cost, that it may be after a step
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
 DAMPING = 1e-4
+SHORT = 0.1  # rad (or root heights): after a step of less, bodies meet where they did
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What a rig brings to every window. `nominal` (nj,) rad; `even` (nv,) brings second differences of metres and
+    """What a rig brings to every window. `wary` is the `tree` whose bodies notice each other. `nominal` (nj,) rad; `even` (nv,) brings second differences of metres and
     radians to one scale; of the joints, `reach` (2, nj) rad and `speed` (nj,) rad/s.
     `soles`: body (s,) and point (s, 3), kept above the floor. `gaps` (nbody, nbody) are the metres that two bodies stay
     apart. `size` is the nominal root height in metres.
     """
 
     tree: Tree
+    wary: Tree
     nominal: Array
     even: Array
     reach: Array
@@ -94,24 +98,29 @@ def problem_of(rig: Rig, model: mujoco.MjModel, start: Array, *, fixed_root: boo
     sites = [model.site(site) for foot in rig.feet for site in foot.sites] if grounded else []
     even = np.ones(model.nv)
     even[:3] = 1 / rig.nominal.height**2
-    tree = _wary(rig, model)
+    gap = GAP * rig.nominal.height
+    wary = _wary(model, gap)
     return Problem(
-        tree=tree,
+        tree=tree_of(model),
+        wary=wary,
         nominal=start[7:],
         even=even,
         reach=np.array([[j.lower for j in rig.joints], [j.upper for j in rig.joints]]),
         speed=np.array([j.velocity for j in rig.joints]),
         soles=(np.array([s.bodyid[0] for s in sites], int), np.array([s.pos for s in sites]).reshape(-1, 3)),
-        gaps=_gaps(tree, start, GAP * rig.nominal.height),
+        gaps=_gaps(wary, start, gap),
         size=rig.nominal.height,
         fixed_root=fixed_root,
     )
 
 
-def _wary(rig: Rig, model: mujoco.MjModel) -> Tree:
-    """The tree of a copy of `model` whose geoms notice each other from the gap on; MuJoCo adds the margins of both."""
+@lru_cache(maxsize=8)
+def _wary(model: mujoco.MjModel, gap: float) -> Tree:
+    """The tree of a copy of `model` (which takes as long as to solve a second) whose geoms notice each other from twice
+    the `gap` on; MuJoCo adds the margins of both.
+    """
     model = copy(model)
-    model.geom_margin[:] = GAP * rig.nominal.height / 2
+    model.geom_margin[:] = gap
     return tree_of(model)
 
 
@@ -126,17 +135,22 @@ def _gaps(tree: Tree, start: Array, usual: float) -> Array:
 
 
 def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
-    """(T, nq) after at most `steps` Gauss-Newton steps from `qpos` (T, nq), each of which must lead downhill."""
+    """(T, nq) after at most `steps` Gauss-Newton steps from `qpos` (T, nq).
+
+    A long step along stiff springs leads uphill at first, and the next one down: so one may, by UPHILL. A step that
+    promises to gain little is taken, and is the last.
+    """
     damping = DAMPING
     state = _state(problem, window, _in_reach(problem, qpos))
     for _ in range(steps):
-        tried = _state(problem, window, _stepped(problem, window, state, damping))
-        if tried.cost > state.cost:
+        stepped, promised, longest = _stepped(problem, window, state, damping)
+        if promised < GAIN * state.cost:
+            return stepped
+        tried = _state(problem, window, stepped, state if longest < SHORT else None)
+        if tried.cost > UPHILL * state.cost:
             damping *= 30
-            continue
-        gain, state, damping = state.cost - tried.cost, tried, max(damping / 10, DAMPING)
-        if gain < GAIN * state.cost:
-            break
+        else:
+            state, damping = tried, max(damping / 10, DAMPING)
     return state.qpos
 
 
@@ -144,22 +158,28 @@ def followed(problem: Problem, window: Window, qpos: Array, steps: int) -> Array
     """(T, nq) after `steps` Gauss-Newton steps from `qpos` (T, nq), which is near, whether or not they lead downhill:
     along stiff springs every long one leads uphill at first.
     """
-    qpos = _in_reach(problem, qpos)
-    for _ in range(steps):
-        qpos = _stepped(problem, window, _state(problem, window, qpos), DAMPING)
-    return qpos
+    state = _state(problem, window, _in_reach(problem, qpos))
+    for _ in range(steps - 1):
+        stepped, _, longest = _stepped(problem, window, state, DAMPING)
+        state = _state(problem, window, stepped, state if longest < SHORT else None)
+    return _stepped(problem, window, state, DAMPING)[0]
 
 
-def _stepped(problem: Problem, window: Window, state: State, damping: float) -> Array:
-    """The configurations a step on.
+def _stepped(problem: Problem, window: Window, state: State, damping: float) -> tuple[Array, float, float]:
+    """The configurations a step on, how much less that costs if all is as linear as here, and how far the step goes at
+    most (rad, or root heights).
 
     Ranges are kept by projection (Bertsekas 1982): what is at its end and would go further sits out a step, and what
     arrives there stops.
     """
     equations = _equations(problem, window, state)
-    frozen = _frozen(problem, state.qpos, equations.downhill)
+    downhill = equations.downhill
+    frozen = _frozen(problem, state.qpos, downhill)
     step = np.where(frozen, 0.0, equations.solved(window.known, np.where(frozen, HELD, damping)))
-    return _in_reach(problem, moved(state.qpos, step * (LEAP / np.maximum(np.abs(step).max(1, keepdims=True), LEAP))))
+    promised = float((downhill * step).sum())
+    longest = np.abs(step).max(1, keepdims=True)
+    step *= LEAP / np.maximum(longest, LEAP)
+    return _in_reach(problem, moved(state.qpos, step)), promised, float(longest.max())
 
 
 def _in_reach(problem: Problem, qpos: Array) -> Array:
@@ -181,8 +201,11 @@ def _smooth(problem: Problem, window: Window) -> Array:
     return problem.even * max(window.smooth / window.step, LEAST_SMOOTH) ** 4
 
 
-def _state(problem: Problem, window: Window, qpos: Array) -> State:
-    at = poses(problem.tree, qpos)
+def _state(problem: Problem, window: Window, qpos: Array, last: State | None = None) -> State:
+    """The state at `qpos` (T, nq). Bodies meet where they did in the `last` one, or else are looked at."""
+    at = poses(problem.wary if last is None else problem.tree, qpos)
+    if last is not None:
+        at = replace(at, meetings=last.at.meetings.carried(last.at, at))
     points, off = reached(window.places, at)
     turned = angles(window.turns, at)
     rate = differences(qpos)
