@@ -143,6 +143,14 @@ def twists(at: Poses) -> Array:
     return out
 
 
+def along(at: Poses, frame: Indices, point: Array, way: Array) -> Array:
+    """(n, nv) velocities of `point` (n, 3) along `way` (n, 3), in the world, at `frame` (n,), for a unit rate of each
+    degree of freedom.
+    """
+    wrench = np.concatenate([cross(point, way), way], axis=1)
+    return (twists(at)[frame] @ wrench[..., None])[..., 0]
+
+
 def moved(qpos: Array, step: Array) -> Array:
     """`qpos` (T, 7 + nj) after `step` (T, nv): what mj_integratePos does, over all frames."""
     out = np.empty_like(qpos)

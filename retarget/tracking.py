@@ -130,17 +130,3 @@ def linearised(
     rows *= np.repeat(carried.T, 3, axis=1)
     value = np.concatenate([near[..., None] * off, alike[..., None] * turned], axis=1)
     return rows, value.reshape(len(off), -1)
-
-
-def add_springs(curvature: Array, gradient: Array, frame: Indices, rows: Array, pull: Array, stiff: float) -> None:
-    """Add ½ `stiff` (row · x + pull)² for each of n `rows` (n, nv) and `pull` (n,), in the order of their `frame` (n,),
-    to the curvature (T, nv, nv) and the gradient (T, nv) of their frames.
-    """
-    those, first, count = np.unique(frame, return_index=True, return_counts=True)
-    group, slot = np.repeat(np.arange(len(those)), count), np.arange(len(frame)) - np.repeat(first, count)
-    dense = np.zeros((len(those), gradient.shape[1], count.max()))
-    dense[group, :, slot] = rows
-    curvature[those] += stiff * dense @ dense.swapaxes(1, 2)
-    forces = np.zeros((len(those), count.max(), 1))
-    forces[group, slot, 0] = pull
-    gradient[those] += stiff * (dense @ forces)[..., 0]

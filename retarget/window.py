@@ -19,9 +19,10 @@ import numpy as np
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_to_rotvec
 from retarget.banded import FIRST, SECOND, Equations
 from retarget.contacts import Flags
-from retarget.kinematics import ROOT_DOFS, Indices, Poses, Tree, moved, on_body, poses, tree_of, velocities
+from retarget.kinematics import ROOT_DOFS, Indices, Poses, Tree, along, moved, on_body, poses, tree_of
 from retarget.rig import Rig
-from retarget.tracking import Places, Turns, add_springs, angles, linearised, reached
+from retarget.springs import Springs, add_springs
+from retarget.tracking import Places, Turns, angles, linearised, reached
 
 LEAST_SMOOTH = 0.5  # frames, where they are far apart
 POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave open
@@ -31,10 +32,12 @@ STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, 
 SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `limits.py` cuts off
 FIRM = 100.0  # times its weight, a planted foot's goal
 GAIN = 0.02  # a step that promises to gain a smaller share of the cost is the last
-UPHILL = 2.0  # times the cost, that it may be after a step
+UPHILL, PATIENCE = 2.0, 3  # times the lowest cost so far, that it may be after a step; for how many steps
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
 DAMPING = 1e-4
+ROUNDS = 3  # in which to find the springs that push after a step, at most
+SLIGHT = 0.1  # of a gap, or of a speed: springs that are out by less are not asked again
 SHORT = 0.1  # rad (or root heights): after a step of less, bodies meet where they did
 
 
@@ -76,8 +79,8 @@ class State:
     """Configurations `qpos` (T, nq) and what is amiss there; `cost` sums it up by weight.
 
     `points` and `off` are what `reached` gives and `turned` what `angles` gives, `bend` (T − 2, nv) the second
-    differences, `fast` (T − 1, nj) rad above the speeds, `soles` (T, s, 3)
-    where they are, `under` (T, s) and `near` (n,) metres too low and too near (below 0).
+    differences, `rate` (T − 1, nj) rad a frame. `soles` (T, s, 3) are where they are, `over` (T, s) metres over the
+    lowest they may be, `room` (n,) what bodies that meet have beyond their gap.
     """
 
     qpos: Array
@@ -86,10 +89,10 @@ class State:
     off: Array
     turned: Array
     bend: Array
-    fast: Array
+    rate: Array
     soles: Array
-    under: Array
-    near: Array
+    over: Array
+    room: Array
     cost: float
 
 
@@ -138,20 +141,24 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
     """(T, nq) after at most `steps` Gauss-Newton steps from `qpos` (T, nq).
 
     A long step along stiff springs leads uphill at first, and the next one down: so one may, by UPHILL. A step that
-    promises to gain little is taken, and is the last.
+    promises to gain little is taken, and is the last; PATIENCE steps that do not gain are the last too.
     """
-    damping = DAMPING
-    state = _state(problem, window, _in_reach(problem, qpos))
+    damping, waited = DAMPING, 0
+    state = best = _state(problem, window, _in_reach(problem, qpos))
     for _ in range(steps):
         stepped, promised, longest = _stepped(problem, window, state, damping)
-        if promised < GAIN * state.cost:
+        if promised < GAIN * state.cost and longest < SHORT:
             return stepped
         tried = _state(problem, window, stepped, state if longest < SHORT else None)
-        if tried.cost > UPHILL * state.cost:
+        if tried.cost > UPHILL * best.cost:
             damping *= 30
-        else:
-            state, damping = tried, max(damping / 10, DAMPING)
-    return state.qpos
+            continue
+        state, damping = tried, max(damping / 10, DAMPING)
+        waited = 0 if state.cost < (1 - GAIN) * best.cost else waited + 1
+        best = min(state, best, key=lambda s: s.cost)
+        if waited == PATIENCE:
+            break
+    return best.qpos
 
 
 def followed(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
@@ -170,14 +177,25 @@ def _stepped(problem: Problem, window: Window, state: State, damping: float) -> 
     most (rad, or root heights).
 
     Ranges are kept by projection (Bertsekas 1982): what is at its end and would go further sits out a step, and what
-    arrives there stops.
+    arrives there stops. Which springs push at the end of the step is found by taking it ROUNDS times at most.
     """
-    equations = _equations(problem, window, state)
-    downhill = equations.downhill
-    frozen = _frozen(problem, state.qpos, downhill)
-    step = np.where(frozen, 0.0, equations.solved(window.known, np.where(frozen, HELD, damping)))
-    promised = float((downhill * step).sum())
-    longest = np.abs(step).max(1, keepdims=True)
+    pulls, springs = _pulls(problem, window, state), _springs(problem, state)
+    pushing, speeding = now = springs.room < 0, _speeding(problem, window, state.rate)
+    for _ in range(ROUNDS):
+        solved_for = pushing, speeding
+        equations = _equations(problem, window, state, pulls, springs.of(pushing), speeding)
+        downhill = equations.downhill
+        frozen = _frozen(problem, state.qpos, downhill)
+        step = np.where(frozen, 0.0, equations.solved(window.known, np.where(frozen, HELD, damping)))
+        longest = np.abs(step).max(1, keepdims=True)
+        room, rate = springs.after(step), state.rate + np.diff(step[:, ROOT_DOFS:], axis=0)
+        pushing, speeding = room < 0, _speeding(problem, window, rate)
+        amiss = np.abs(room[pushing != solved_for[0]]) > SLIGHT * GAP * problem.size
+        hasty = _excess(problem, window, rate, speeding - solved_for[1]) / (problem.speed * window.step)
+        if longest.max() > LEAP or not (amiss.any() or (np.abs(hasty) > SLIGHT).any()):
+            break
+    strain = [_strain(problem, window, state, springs.of(push), way) for push, way in (now, solved_for)]
+    promised = float((downhill * step).sum()) + strain[0] - strain[1]
     step *= LEAP / np.maximum(longest, LEAP)
     return _in_reach(problem, moved(state.qpos, step)), promised, float(longest.max())
 
@@ -208,50 +226,77 @@ def _state(problem: Problem, window: Window, qpos: Array, last: State | None = N
         at = replace(at, meetings=last.at.meetings.carried(last.at, at))
     points, off = reached(window.places, at)
     turned = angles(window.turns, at)
-    rate = differences(qpos)
-    bend = np.diff(rate, axis=0)
-    stride = problem.speed * window.step
-    fast = rate[:, ROOT_DOFS:] - np.clip(rate[:, ROOT_DOFS:], -stride, stride)
+    change = differences(qpos)
+    bend, rate = np.diff(change, axis=0), change[:, ROOT_DOFS:]
     soles = on_body(at, *problem.soles)
-    under = np.minimum(soles[..., 2] + SLACK * problem.size, 0.0)
-    near = np.minimum(at.meetings.apart - problem.gaps[*at.meetings.bodies.T], 0.0)
+    over = soles[..., 2] + SLACK * problem.size
+    room = at.meetings.apart - problem.gaps[*at.meetings.bodies.T]
+    fast = _excess(problem, window, rate, _speeding(problem, window, rate))
     cost = (
         (window.places.weight * (off**2).sum(-1)).sum()
         + (window.turns.weight * (turned**2).sum(-1)).sum()
         + (_smooth(problem, window) * bend**2).sum()
         + POSTURE**2 * ((qpos[:, 7:] - problem.nominal) ** 2).sum()
         + SPEEDING * (fast**2).sum()
-        + STIFF / problem.size**2 * ((under**2).sum() + (near**2).sum())
+        + STIFF / problem.size**2 * ((np.minimum(over, 0.0) ** 2).sum() + (np.minimum(room, 0.0) ** 2).sum())
     )
-    return State(qpos, at, points, off, turned, bend, fast, soles, under, near, float(cost))
+    return State(qpos, at, points, off, turned, bend, rate, soles, over, room, float(cost))
 
 
-def _equations(problem: Problem, window: Window, state: State) -> Equations:
-    """Half the squares of `state`, each linear in the step of the configurations."""
-    tree, at = problem.tree, state.at
-    rows, value = linearised(tree, window.places, window.turns, at, state.points, state.off, state.turned)
+def _pulls(problem: Problem, window: Window, state: State) -> tuple[Array, Array]:
+    """Half the squares of what pulls at each frame of `state`: curvature (T, nv, nv) and gradient (T, nv)."""
+    rows, value = linearised(
+        problem.tree, window.places, window.turns, state.at, state.points, state.off, state.turned
+    )
     curvature, gradient = rows @ rows.swapaxes(1, 2), (rows @ value[..., None])[..., 0]
-    joints = np.arange(ROOT_DOFS, tree.model.nv)
+    joints = np.arange(ROOT_DOFS, curvature.shape[1])
     curvature[:, joints, joints] += POSTURE**2
     gradient[:, joints] += POSTURE**2 * (state.qpos[:, 7:] - problem.nominal)
+    return curvature, gradient
 
-    stiff, every = STIFF / problem.size**2, np.arange(tree.model.nv)
-    frame, sole = np.nonzero(state.under)
-    if len(frame):
-        rows = velocities(at, every, state.soles[frame, sole][:, None], frame)[..., 2]
-        rows *= tree.carries[problem.soles[0][sole]]
-        add_springs(curvature, gradient, frame, rows, state.under[frame, sole], stiff)
-    if state.near.any():
-        met = at.meetings.of(np.flatnonzero(state.near))
-        rows = (velocities(at, every, met.place[:, None], met.frame) @ met.normal[..., None])[..., 0]
-        rows *= tree.carries[met.bodies[:, 1]] - tree.carries[met.bodies[:, 0]]
-        add_springs(curvature, gradient, met.frame, rows, state.near[state.near < 0], stiff)
 
+def _springs(problem: Problem, state: State) -> Springs:
+    """Those of soles that are near the floor and of bodies that are near each other."""
+    carries, met = problem.tree.carries, state.at.meetings
+    frame, sole = np.nonzero(state.over < 2 * GAP * problem.size)
+    up = np.broadcast_to([0.0, 0.0, 1.0], (len(frame), 3))
+    rows = along(state.at, frame, state.soles[frame, sole], up) * carries[problem.soles[0][sole]]
+    soles = Springs(frame, rows, state.over[frame, sole])
+    rows = along(state.at, met.frame, met.place, met.normal) * (carries[met.bodies[:, 1]] - carries[met.bodies[:, 0]])
+    return soles.and_those(Springs(met.frame, rows, state.room))
+
+
+def _speeding(problem: Problem, window: Window, rate: Array) -> Array:
+    """(T − 1, nj): 1 or −1 where a joint that goes by `rate` (T − 1, nj) a frame is faster than it may, that way."""
+    return np.sign(rate) * (np.abs(rate) > problem.speed * window.step)
+
+
+def _equations(
+    problem: Problem, window: Window, state: State, pulls: tuple[Array, Array], springs: Springs, speeding: Array
+) -> Equations:
+    """Half the squares of `state`, each linear in the step of the configurations, if these `springs` push and joints
+    are slowed down that are `speeding`.
+    """
+    curvature, gradient = (part.copy() for part in pulls)
+    add_springs(curvature, gradient, springs, STIFF / problem.size**2)
     out = Equations(curvature, gradient)
     out.add_differences(SECOND, _smooth(problem, window), state.bend)
-    fast = np.concatenate([np.zeros((len(state.fast), ROOT_DOFS)), state.fast], axis=1)
-    out.add_differences(FIRST, SPEEDING * (fast != 0), fast)
+    if speeding.any():
+        still = np.zeros((len(speeding), ROOT_DOFS))
+        fast = np.concatenate([still, _excess(problem, window, state.rate, speeding)], axis=1)
+        out.add_differences(FIRST, SPEEDING * np.concatenate([still, np.abs(speeding)], axis=1), fast)
     return out
+
+
+def _excess(problem: Problem, window: Window, rate: Array, speeding: Array) -> Array:
+    """(T − 1, nj) rad by which joints go faster than they may the way they are `speeding`; 0 elsewhere."""
+    return np.abs(speeding) * rate - speeding * problem.speed * window.step
+
+
+def _strain(problem: Problem, window: Window, state: State, springs: Springs, speeding: Array) -> float:
+    """What these `springs` cost at `state`, and the joints that are `speeding`."""
+    fast = _excess(problem, window, state.rate, speeding)
+    return float(STIFF / problem.size**2 * (springs.room**2).sum() + SPEEDING * (fast**2).sum())
 
 
 def differences(qpos: Array) -> Array:

@@ -22,7 +22,8 @@ from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
 from retarget.rig import Follow, Rig, load_rig
-from retarget.tracking import add_springs, angles, linearised, reached, targets_of
+from retarget.springs import Springs, add_springs
+from retarget.tracking import angles, linearised, reached, targets_of
 from retarget.whole import solve
 
 FPS = 50.0
@@ -128,7 +129,7 @@ def test_springs_add_up_frame_by_frame() -> None:
     rng = np.random.default_rng(10)
     frame, rows, pull = np.array([0, 2, 2, 2, 5]), rng.normal(size=(5, 4)), rng.normal(size=5)
     curvature, gradient = np.ones((6, 4, 4)), np.ones((6, 4))
-    add_springs(curvature, gradient, frame, rows, pull, 3.0)
+    add_springs(curvature, gradient, Springs(frame, rows, pull), 3.0)
     for t in range(6):
         mine = frame == t
         assert curvature[t] == pytest.approx(1 + 3 * rows[mine].T @ rows[mine])
