@@ -136,9 +136,9 @@ class Motion:
             out[:, joints] = quat_mul(out[:, parents], out[:, joints])
         return out
 
-    def positions(self) -> Array:
-        """World position (T, J, 3) of every joint in metres, by forward kinematics."""
-        turn = self.global_quat()
+    def positions(self, turn: Array | None = None) -> Array:
+        """World position (T, J, 3) of every joint in metres, by forward kinematics; `turn` is what `global_quat` gave."""
+        turn = self.global_quat() if turn is None else turn
         out = quat_rotate(turn[:, self.skeleton.parents], self.skeleton.offsets)
         out[:, 0] = self.root_pos
         for joints, parents in self.skeleton.levels:

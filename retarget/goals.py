@@ -8,6 +8,7 @@ orientation; its path is scaled by the length of the legs.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -66,46 +67,60 @@ def goals(motion: Motion, rig: Rig, rest: Rest, root_pos: Array, root_quat: Arra
     """
     turn = motion.global_quat()
     upper = quat_conj(turn[:, motion.skeleton.index(CHEST)])
-    to_rig = quat_mul(root_quat, quat_conj(turn[:, 0]))
-    place = _limb_places(motion, rest, upper)
-    firm = np.ones(len(motion))
+    place = _limb_places(motion, rest, turn, upper)
+    follows = [follow for follow in rig.follow if follow.human != ROOT]
+    _require_limbs(rig, follows, set(place))
+    base, firm, none = _chest(rest), np.ones(len(motion)), np.zeros((len(motion), 3))
+    arms = [follow for follow in follows if follow.human in UPPER]
+    legs = [follow for follow in follows if follow.human not in UPPER]
     out: dict[str, Goal] = {}
-    for follow in rig.follow:
-        name = follow.human
-        if name == ROOT:
-            continue
-        if follow.position > 0 and name not in place:
-            leads = ", ".join(joint for limb in LIMBS for joint in limb[1:])
-            raise RigError(f"rig {rig.name!r}: {name} cannot have a position weight; a limb must lead to it: {leads}")
-        local = place.get(name, np.zeros((len(motion), 3)))
-        human = turn[:, motion.skeleton.index(name)]
-        if name in UPPER:
-            base = _chest(rest)
-            frame = quat_mul(quat_conj(rest.turn[base]), quat_mul(upper, human))
-            out[name] = Goal(follow, base, local, quat_mul(frame, rest.turn[name]), firm)
-        else:
-            world = quat_mul(quat_mul(to_rig, human), rest.turn[name])
-            out[name] = Goal(follow, "", root_pos + quat_rotate(root_quat, local), world, firm)
+    frame = quat_mul(quat_conj(rest.turn[base]), upper)
+    for follow, quat in zip(arms, _turns(motion, rest, turn, frame, arms), strict=True):
+        out[follow.human] = Goal(follow, base, place.get(follow.human, none), quat, firm)
+    frame = quat_mul(root_quat, quat_conj(turn[:, 0]))
+    for follow, quat in zip(legs, _turns(motion, rest, turn, frame, legs), strict=True):
+        local = place.get(follow.human, none)
+        out[follow.human] = Goal(follow, "", root_pos + quat_rotate(root_quat, local), quat, firm)
     return out
 
 
-def _limb_places(motion: Motion, rest: Rest, upper: Array) -> dict[str, Array]:
+def _require_limbs(rig: Rig, follows: list[Follow], placed: set[str]) -> None:
+    for follow in follows:
+        if follow.position > 0 and follow.human not in placed:
+            leads = ", ".join(joint for limb in LIMBS for joint in limb[1:])
+            raise RigError(
+                f"rig {rig.name!r}: {follow.human} cannot have a position weight; a limb must lead to it: {leads}"
+            )
+
+
+def _turns(motion: Motion, rest: Rest, turn: Array, frame: Array, follows: list[Follow]) -> list[Array]:
+    """(T, 4) each: how the human joints are turned in the world, `turn` (T, J, 4), as seen from `frame` (T, 4), carried
+    over to what follows them.
+    """
+    if not follows:
+        return []
+    human = turn[:, [motion.skeleton.index(follow.human) for follow in follows]]
+    own = np.stack([rest.turn[follow.human] for follow in follows])
+    return list(np.moveaxis(quat_mul(quat_mul(frame[:, None], human), own), 1, 0))
+
+
+def _limb_places(motion: Motion, rest: Rest, turn: Array, upper: Array) -> dict[str, Array]:
     """Positions (T, 3) of the followers along the limbs: arms in the chest follower's frame, legs in the root's."""
-    position = motion.positions()
-    level = quat_conj(motion.joint_quat[:, 0])
+    position, level = motion.positions(turn), quat_conj(turn[:, 0])
     out: dict[str, Array] = {}
-    for limb in LIMBS:
-        chain = _chain(limb, rest)
-        if limb[0] not in chain:
+    for base, frame, arms in ((_chest(rest), upper, True), (ROOT, level, False)):
+        chains = [_chain(limb, rest) for limb in LIMBS if (limb[0] in UPPER) == arms and limb[0] in rest.place]
+        bones = [bone for chain in chains for bone in pairwise(chain)]
+        if not bones:
             continue
-        arm = limb[0] in UPPER
-        base, frame = (_chest(rest), upper) if arm else (ROOT, level)
-        at = np.broadcast_to(rest.offset(base, chain[0]), (len(motion), 3))
-        for above, joint, length in zip(chain, chain[1:], _rig_lengths(chain, rest), strict=False):
-            reach = position[:, motion.skeleton.index(joint)] - position[:, motion.skeleton.index(above)]
-            reach = quat_rotate(frame, reach) * (length / _human_length(motion, above, joint))
-            at = at + quat_rotate(quat_conj(rest.turn[base]), reach)
-            out[joint] = at
+        above, below = ([motion.skeleton.index(bone[end]) for bone in bones] for end in (0, 1))
+        scale = np.array([_length(rest.offsets[bone]) / _human_length(motion, *bone) for bone in bones])
+        reach = (position[:, below] - position[:, above]) * scale[:, None]
+        reach = quat_rotate(quat_mul(quat_conj(rest.turn[base]), frame)[:, None], reach)
+        for chain in chains:
+            at = np.broadcast_to(rest.offsets[base, chain[0]], (len(motion), 3))
+            for bone in pairwise(chain):
+                at = out[bone[1]] = at + reach[:, bones.index(bone)]
     return out
 
 
@@ -118,7 +133,11 @@ def _chain(limb: tuple[str, ...], rest: Rest) -> tuple[str, ...]:
 
 
 def _rig_lengths(chain: tuple[str, ...], rest: Rest) -> list[float]:
-    return [float(np.linalg.norm(rest.offset(a, b))) for a, b in pairwise(chain)]
+    return [_length(rest.offsets[bone]) for bone in pairwise(chain)]
+
+
+def _length(way: Array) -> float:
+    return math.sqrt(float(way @ way))
 
 
 def _human_length(motion: Motion, above: str, joint: str) -> float:
@@ -126,6 +145,6 @@ def _human_length(motion: Motion, above: str, joint: str) -> float:
     skeleton, total = motion.skeleton, 0.0
     index, stop = skeleton.index(joint), skeleton.index(above)
     while index != stop:
-        total += float(np.linalg.norm(skeleton.offsets[index]))
+        total += _length(skeleton.offsets[index])
         index = skeleton.parents[index]
     return total

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -21,9 +22,13 @@ class Rest:
     turn: dict[str, Array]
     soles: dict[str, Array]
 
-    def offset(self, parent: str, child: str) -> Array:
+    @cached_property
+    def offsets(self) -> dict[tuple[str, str], Array]:
         """(3,) from one follower to another, in the frame of the first, at the zero pose."""
-        return quat_rotate(quat_conj(self.turn[parent]), self.place[child] - self.place[parent])
+        names = list(self.place)
+        place, turn = (np.array([part[name] for name in names]) for part in (self.place, self.turn))
+        way = quat_rotate(quat_conj(turn)[:, None], place[None] - place[:, None])
+        return {(a, b): way[i, j] for i, a in enumerate(names) for j, b in enumerate(names)}
 
 
 def rest_of(rig: Rig, model: mujoco.MjModel) -> Rest:

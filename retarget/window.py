@@ -146,7 +146,7 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
     damping, waited = DAMPING, 0
     state = best = _state(problem, window, _in_reach(problem, qpos))
     for _ in range(steps):
-        stepped, promised, longest = _stepped(problem, window, state, damping)
+        stepped, promised, longest = _stepped(problem, window, state, damping, ROUNDS)
         if promised < GAIN * state.cost and longest < SHORT:
             return stepped
         tried = _state(problem, window, stepped, state if longest < SHORT else None)
@@ -167,21 +167,23 @@ def followed(problem: Problem, window: Window, qpos: Array, steps: int) -> Array
     """
     state = _state(problem, window, _in_reach(problem, qpos))
     for _ in range(steps - 1):
-        stepped, _, longest = _stepped(problem, window, state, DAMPING)
+        stepped, _, longest = _stepped(problem, window, state, DAMPING, 1)
         state = _state(problem, window, stepped, state if longest < SHORT else None)
-    return _stepped(problem, window, state, DAMPING)[0]
+    return _stepped(problem, window, state, DAMPING, 1)[0]
 
 
-def _stepped(problem: Problem, window: Window, state: State, damping: float) -> tuple[Array, float, float]:
+def _stepped(
+    problem: Problem, window: Window, state: State, damping: float, rounds: int
+) -> tuple[Array, float, float]:
     """The configurations a step on, how much less that costs if all is as linear as here, and how far the step goes at
     most (rad, or root heights).
 
     Ranges are kept by projection (Bertsekas 1982): what is at its end and would go further sits out a step, and what
-    arrives there stops. Which springs push at the end of the step is found by taking it ROUNDS times at most.
+    arrives there stops. Which springs push at the end of the step is found by taking it up to `rounds` times.
     """
     pulls, springs = _pulls(problem, window, state), _springs(problem, state)
     pushing, speeding = now = springs.room < 0, _speeding(problem, window, state.rate)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         solved_for = pushing, speeding
         equations = _equations(problem, window, state, pulls, springs.of(pushing), speeding)
         downhill = equations.downhill
