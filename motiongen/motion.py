@@ -137,7 +137,7 @@ class Motion:
         return out
 
     def positions(self, turn: Array | None = None) -> Array:
-        """World position (T, J, 3) of every joint in metres, by forward kinematics; `turn` is what `global_quat` gave."""
+        """World position (T, J, 3) of every joint in metres, by forward kinematics from `turn`, its `global_quat`."""
         turn = self.global_quat() if turn is None else turn
         out = quat_rotate(turn[:, self.skeleton.parents], self.skeleton.offsets)
         out[:, 0] = self.root_pos

@@ -21,7 +21,7 @@ from retarget.window import FIRM, Problem, Window, problem_of, solved
 
 SMOOTH = 0.025  # s
 COARSE = 0.1  # s between the frames of the first, coarse solution, which finds the way
-COARSE_STEPS, FINE_STEPS = 30, 12  # at most
+COARSE_STEPS, FINE_STEPS = 30, 6  # at most
 WINDOW, OVERLAP = 20.0, 1.0  # s solved at once, which bounds the memory, and thrown away where the next one takes over
 
 

@@ -43,10 +43,10 @@ SHORT = 0.1  # rad (or root heights): after a step of less, bodies meet where th
 
 @dataclass(frozen=True)
 class Problem:
-    """What a rig brings to every window. `wary` is the `tree` whose bodies notice each other. `nominal` (nj,) rad; `even` (nv,) brings second differences of metres and
-    radians to one scale; of the joints, `reach` (2, nj) rad and `speed` (nj,) rad/s.
-    `soles`: body (s,) and point (s, 3), kept above the floor. `gaps` (nbody, nbody) are the metres that two bodies stay
-    apart. `size` is the nominal root height in metres.
+    """What a rig brings to every window. `wary` is the `tree` with bodies that notice each other. `nominal` (nj,) rad;
+    `even` (nv,) brings second differences of metres and radians to one scale; of the joints, `reach` (2, nj) rad and
+    `speed` (nj,) rad/s. `soles`: body (s,) and point (s, 3), kept above the floor. `gaps` (nbody, nbody) are the metres
+    that two bodies stay apart. `size` is the nominal root height in metres.
     """
 
     tree: Tree
@@ -172,9 +172,7 @@ def followed(problem: Problem, window: Window, qpos: Array, steps: int) -> Array
     return _stepped(problem, window, state, DAMPING, 1)[0]
 
 
-def _stepped(
-    problem: Problem, window: Window, state: State, damping: float, rounds: int
-) -> tuple[Array, float, float]:
+def _stepped(problem: Problem, window: Window, state: State, damping: float, rounds: int) -> tuple[Array, float, float]:
     """The configurations a step on, how much less that costs if all is as linear as here, and how far the step goes at
     most (rad, or root heights).
 
@@ -247,9 +245,7 @@ def _state(problem: Problem, window: Window, qpos: Array, last: State | None = N
 
 def _pulls(problem: Problem, window: Window, state: State) -> tuple[Array, Array]:
     """Half the squares of what pulls at each frame of `state`: curvature (T, nv, nv) and gradient (T, nv)."""
-    rows, value = linearised(
-        problem.tree, window.places, window.turns, state.at, state.points, state.off, state.turned
-    )
+    rows, value = linearised(problem.tree, window.places, window.turns, state.at, state.points, state.off, state.turned)
     curvature, gradient = rows @ rows.swapaxes(1, 2), (rows @ value[..., None])[..., 0]
     joints = np.arange(ROOT_DOFS, curvature.shape[1])
     curvature[:, joints, joints] += POSTURE**2
