@@ -16,7 +16,7 @@ from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_
 from retarget.banded import FIRST, SECOND, Equations
 from retarget.contacts import planted, runs
 from retarget.goals import Goal
-from retarget.kinematics import moved, on_body, poses, tree_of, velocities
+from retarget.kinematics import along, moved, on_body, poses, tree_of, velocities
 from retarget.menagerie import menagerie_file
 from retarget.model import load_model
 from retarget.rest import rest_of
@@ -91,6 +91,30 @@ def test_jacobians_are_mujoco_s(name: str) -> None:
             assert np.abs(found.T - wanted).max() < 1e-10
 
 
+def test_velocities_along_a_direction_are_those_of_the_jacobian() -> None:
+    rig = load_rig("puppet")
+    tree, qpos = tree_of(load_model(rig)), wandering(rig, 0.1, 1)
+    at, every = poses(tree, qpos), np.arange(tree.model.nv)
+    frame, (point, way) = np.array([0, 3, 3]), np.random.default_rng(11).normal(size=(2, 3, 3))
+    wanted = np.einsum("nvi,ni->nv", velocities(at, every, point[:, None], frame), way)
+    assert along(at, frame, point, way) == pytest.approx(wanted, abs=1e-12)
+
+
+def test_bodies_that_meet_are_as_far_apart_a_little_later_as_mujoco_says(tmp_path: Path) -> None:
+    """The right arm swings on towards the left one, by 0.02 rad; they are balls and capsules."""
+    rig = two_arm_rig(tmp_path)
+    model = load_model(rig)
+    model.geom_margin[:] = 0.2
+    tree, qpos = tree_of(model), np.tile(nominal(rig), (2, 1))
+    qpos[:, 8] = 0.45, 0.47
+    before, after = poses(tree, qpos[:1]), poses(tree, qpos[1:])
+    met, wanted = before.meetings.carried(before, after), after.meetings
+    assert len(wanted.apart) == len(met.apart) > 0
+    assert met.apart == pytest.approx(wanted.apart, abs=2e-4)
+    assert np.abs(before.meetings.apart - wanted.apart).max() > 1e-3
+    assert met.place == pytest.approx(wanted.place, abs=0.01)
+
+
 def test_steps_are_mujoco_s() -> None:
     model = load_model(load_rig("puppet"))
     qpos = wandering(load_rig("puppet"), 0.2, 3)
@@ -130,6 +154,10 @@ def test_springs_add_up_frame_by_frame() -> None:
     frame, rows, pull = np.array([0, 2, 2, 2, 5]), rng.normal(size=(5, 4)), rng.normal(size=5)
     curvature, gradient = np.ones((6, 4, 4)), np.ones((6, 4))
     add_springs(curvature, gradient, Springs(frame, rows, pull), 3.0)
+    step = rng.normal(size=(6, 4))
+    assert Springs(frame, rows, pull).after(step) == pytest.approx(
+        [p + r @ step[t] for t, r, p in zip(frame, rows, pull, strict=True)]
+    )
     for t in range(6):
         mine = frame == t
         assert curvature[t] == pytest.approx(1 + 3 * rows[mine].T @ rows[mine])
