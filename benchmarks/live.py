@@ -100,7 +100,7 @@ def each_way(weights: Path, quick: bool, found: Found) -> None:
     """What a pass of the network takes in each way there is to run it."""
     from live_ways import ways
 
-    found.figures["pass"] = ways(LiveGenerator(weights), quick)
+    found.figures["pass"] = ways(weights, quick)
 
 
 def whole_line(weights: Path, quick: bool, found: Found) -> None:

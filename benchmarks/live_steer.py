@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from motiongen.diffusion.mdm_run import Told
 from motiongen.live import chunk as chunks
 from motiongen.live.generator import LiveGenerator
 from motiongen.live.steering import ROOT, ROOT_GIVEN, WRISTS, Steer
@@ -90,16 +91,21 @@ def _as_it_is() -> Iterator[None]:
 @contextmanager
 def _overwriting() -> Iterator[None]:
     """The network hears nothing, and its estimate of the root's columns is overwritten at every pass."""
-    plain = chunks.mdm_run.denoise
+    told, estimate = chunks.mdm_run.told, chunks.mdm_run.estimate
+    asked = [np.zeros(0, np.float32)]
 
-    def overwritten(w, sizes, x, t, frames, said, steering) -> Floats:
-        made = plain(w, sizes, x, t, frames, said, np.zeros_like(steering))
+    def told_without(w, sizes, frames, said, steering) -> Told:
+        asked[0] = steering
+        return told(w, sizes, frames, said, np.zeros_like(steering))
+
+    def overwritten(w, sizes, x, t, told) -> Floats:
+        made, steering = estimate(w, sizes, x, t, told), asked[0]
         given = steering[..., ROOT_GIVEN] > 0
         made[..., :3] = np.where(given[..., None], steering[..., ROOT], made[..., :3])
         return made
 
-    chunks.mdm_run.denoise = overwritten
+    chunks.mdm_run.told, chunks.mdm_run.estimate = told_without, overwritten
     try:
         yield
     finally:
-        chunks.mdm_run.denoise = plain
+        chunks.mdm_run.told, chunks.mdm_run.estimate = told, estimate

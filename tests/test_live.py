@@ -22,6 +22,7 @@ from motiongen.live.clips import LiveClips
 from motiongen.live.generator import PAST_S, LiveGenerator
 from motiongen.live.steering import HANDS, HANDS_GIVEN, REACH_S, ROOT, ROOT_GIVEN, STROLL, Area, Steer, signals
 from motiongen.motion import Motion
+from motiongen.nn import in_panels
 
 WHOLE = CHUNK - TAIL
 
@@ -45,7 +46,8 @@ def drawn(live: LiveGenerator, until: int) -> tuple[np.ndarray, np.ndarray]:
     return tuple(np.concatenate([getattr(m, name) for m in motions])[:count] for name in ("root_pos", "joint_quat"))
 
 
-def test_steering_in_numpy_is_as_in_torch() -> None:
+@pytest.mark.parametrize("panels", [False, True])
+def test_steering_in_numpy_is_as_in_torch(panels: bool) -> None:
     torch.manual_seed(1)
     model = Mdm(SIZES).eval()
     for p in model.parameters():
@@ -58,6 +60,8 @@ def test_steering_in_numpy_is_as_in_torch() -> None:
         plain = model(x, torch.full((2,), 0.4), frames, words, mask, sentence, keep).numpy()
     told = said.Said(words.numpy(), mask.numpy(), sentence.numpy(), keep.numpy())
     w = {k: v.numpy() for k, v in model.state_dict().items()}
+    w = in_panels(w, 28) if panels else w
+    assert (w["read.weight"].ndim == 3) == panels
     ours = mdm_run.denoise(w, {"patch": 6, "heads": 2}, x.numpy(), 0.4, frames.numpy(), told, steering.numpy())
     assert np.abs(ours - true).max() < 1e-4
     assert np.abs(plain - true).max() > 0.1
@@ -66,11 +70,12 @@ def test_steering_in_numpy_is_as_in_torch() -> None:
 def test_frames_join_into_the_motion_of_all_features(live: LiveGenerator) -> None:
     """What is kept for world coordinates between chunks adds up to what one clip of all features would do."""
     live.say("walk forward", 50)
-    pos, _ = drawn(live, 110)
+    pos, quat = drawn(live, 110)
     counts = np.diff([s.frame for s in live._states])
     rows = np.concatenate([chunk.features[:n] for chunk, n in zip(live._chunks, counts, strict=True)])
     whole = features_to_motion(rows, live.skeleton)
     assert np.abs(whole.root_pos[:110] - pos).max() < 1e-5
+    assert np.abs((whole.joint_quat[:110] * quat).sum(-1)).min() > 1 - 1e-9
 
 
 def test_same_for_same_seed_and_prompts(path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import cast
 
@@ -15,7 +15,7 @@ from motiongen.diffusion.said import Said, with_nothing
 from motiongen.diffusion.samplers import SAMPLERS, Denoiser, guided
 from motiongen.diffusion.schedule import SCHEDULES, even_ratios
 from motiongen.diffusion.weights import Weights
-from motiongen.features import CONTACTS, FPS, PLANAR, WIDTH, features_to_motion, root_path
+from motiongen.features import CONTACTS, FPS, HEIGHT, PLANAR, WIDTH, YAW, features_to_motion, root_path
 from motiongen.motion import Label, Motion, Skeleton, Source
 from motiongen.nn import Floats
 from motiongen.rotation import quat_continuous, quat_mul, quat_rotate, yaw_quat
@@ -51,12 +51,13 @@ class State:
 @dataclass(frozen=True)
 class Chunk:
     """`features` (N, 140) of the frames from `start.frame` on; `headings` (N + 1,) in rad and `places` (N + 1, 2) in m
-    of the pelvis in them and in the frame after."""
+    of the pelvis in them and in the frame after; `turns` (N, 22, 4) of the joints as a Motion has them."""
 
     start: State
     features: Floats
     headings: Array
     places: Array
+    turns: Array
 
     def __len__(self) -> int:
         return len(self.features)
@@ -92,10 +93,15 @@ def next_chunk(
     known = len(past)
     features = smoothed_over_five(np.concatenate([past, handed_over(past, features)]).astype(float))
     features[:known] = past
-    features[:, PLANAR] -= _slip(features, skeleton, known)
-    features = features[known : known + model.window - history - TAIL].astype(np.float32)
+    motion = features_to_motion(features, skeleton)
+    features[known:, PLANAR] -= slip(motion, features[:, CONTACTS])[known:]  # what has been shown stays
+    kept = slice(known, known + model.window - history - TAIL)
+    features = features[kept].astype(np.float32)
     headings, places = _way(state, features)
-    return Chunk(state, features, headings, places)
+    turns = motion.joint_quat[kept]
+    begun = state.heading - past[:, YAW].sum() / FPS  # heading of the first frame of `motion`, which says it is 0
+    turns[:, 0] = quat_mul(yaw_quat(np.array(begun)), turns[:, 0])
+    return Chunk(state, features, headings, places, turns)
 
 
 def _drawn(model: Weights, state: State, said: Said, steering: Floats, how: Drawing, seed: int) -> Floats:
@@ -109,11 +115,10 @@ def _drawn(model: Weights, state: State, said: Said, steering: Floats, how: Draw
         past[:] = (state.history[rows] - model.mean) / model.std
     else:
         frames[:, :history] = False
-    told, steer = with_nothing(said), np.stack([steering, steering])
+    told = mdm_run.told(model.tensors, sizes, frames, with_nothing(said), np.stack([steering, steering]))
 
     def predict(x: Floats, t: float) -> Floats:
-        made = mdm_run.denoise(model.tensors, sizes, np.concatenate([past, x], axis=1), t, frames, told, steer)
-        return made[:, history:]
+        return mdm_run.estimate(model.tensors, sizes, np.concatenate([past, x], axis=1), t, told)[:, history:]
 
     noise = np.random.default_rng([seed, state.frame]).standard_normal((1, window - history, width), np.float32)
     schedule = SCHEDULES[model.schedule]
@@ -138,13 +143,6 @@ def _times(schedule: str, passes: int) -> list[float]:
     return even_ratios(SCHEDULES[schedule], passes)
 
 
-def _slip(features: Array, skeleton: Skeleton, known: int) -> Array:
-    """(T, 2) m/s to take off the root's velocity; nothing in the first `known` frames, which have been shown."""
-    out = slip(features_to_motion(features, skeleton), features[:, CONTACTS])
-    out[:known] = 0.0
-    return out
-
-
 def _way(state: State, features: Floats) -> tuple[Array, Array]:
     """Heading and place of each frame and of the one after."""
     yaw, root = root_path(np.concatenate([features, features[-1:]]).astype(float))
@@ -166,11 +164,13 @@ def after(chunk: Chunk, count: int) -> State:
 
 def shown(chunk: Chunk, count: int, skeleton: Skeleton, source: Source, text: str) -> Motion:
     """The first `count` frames of a chunk in the world."""
-    motion = features_to_motion(
-        chunk.features[:count], skeleton, labels=(Label(0.0, (count - 1) / FPS, text),), source=source
+    features = chunk.features[:count]
+    return Motion(
+        np.column_stack([chunk.places[:count], features[:, HEIGHT]]),
+        quat_continuous(chunk.turns[:count]),
+        FPS,
+        skeleton,
+        labels=(Label(0.0, (count - 1) / FPS, text),),
+        source=source,
+        contacts=features[:, CONTACTS] > 0.5,
     )
-    turn = yaw_quat(np.array(chunk.start.heading))
-    quat = motion.joint_quat.copy()
-    quat[:, 0] = quat_mul(turn, quat[:, 0])
-    place = np.array([*chunk.start.place, 0.0])
-    return replace(motion, root_pos=quat_rotate(turn, motion.root_pos) + place, joint_quat=quat_continuous(quat))

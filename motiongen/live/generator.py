@@ -19,6 +19,7 @@ from motiongen.generator import MAX_SECONDS, MIN_SECONDS, Familiarity, PromptErr
 from motiongen.live.chunk import Chunk, Drawing, State, after, begin, next_chunk, shown
 from motiongen.live.steering import Area, Steer, signals
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Motion, Skeleton, Source
+from motiongen.nn import in_panels
 from motiongen.skeletons import BANDAI_NAMCO
 from motiongen.text.encoder import TextEncoder
 
@@ -60,10 +61,12 @@ class LiveGenerator:
     ) -> None:
         """`area`: the floor that is not to be left."""
         self.name, self.how, self.area = path.stem, how, area
-        self.weights = load_weights(path)
-        require_known(self.weights, str(path))
-        if not self.weights.sizes.get("history"):
+        weights = load_weights(path)
+        require_known(weights, str(path))
+        if not weights.sizes.get("history"):
             raise WeightsError(f"{path}: draws whole clips; a live generator needs weights with a history")
+        rows = 2 * (1 + weights.window // int(weights.sizes["patch"]))  # tokens, with text and without
+        self.weights = replace(weights, tensors=in_panels(weights.tensors, rows))
         self._encoder = TextEncoder()
         self._encoded: OrderedDict[str, Said] = OrderedDict()
         self.skeleton = Skeleton(

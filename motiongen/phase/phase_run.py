@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motiongen.diffusion.mdm_run import transform
+from motiongen.diffusion.mdm_run import heard, transform
 from motiongen.diffusion.said import Said
 from motiongen.nn import Floats, Tensors, gelu, linear, silu, waves
 from motiongen.phase.phases import Layout, Timing, readings
@@ -61,7 +61,8 @@ def denoise(w: Tensors, layout: Layout, heads: int, x: Floats, t: float, said: S
     read = [linear(x[:, token], w, f"read.{i}") for i, token in enumerate(layout.tokens)]
     stream = np.stack([level + sentence, pose, long, *read], 1)
     stream = stream + waves(np.arange(stream.shape[1], dtype=np.float32), width)
-    made = transform(w, heads, stream, np.ones(stream.shape[:2], bool), words, said.word_mask)[:, -len(read) :]
+    mask = np.ones(stream.shape[:2], bool)
+    made = transform(w, heads, stream, mask, heard(w, words, said.word_mask))[:, -len(read) :]
     return np.concatenate([linear(made[:, i], w, f"write.{i}") for i in range(len(read))], 1)
 
 
