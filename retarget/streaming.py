@@ -82,6 +82,11 @@ class Progress:
     past: Array
     ahead: Array
 
+    @property
+    def done(self) -> int:
+        """Frames that have gone out."""
+        return self.begun - len(self.planted)
+
 
 @dataclass(frozen=True)
 class Streamed:
@@ -157,6 +162,28 @@ def advance(stream: Stream, progress: Progress, motion: Motion) -> tuple[Progres
 
     Raises ValueError where `motion` has another skeleton or rate than the stream was opened for.
     """
+    return _gone_out(stream, _come_in(stream, progress, motion))
+
+
+def turned(stream: Stream, progress: Progress, earlier: Progress, motion: Motion) -> tuple[Progress, Streamed]:
+    """`advance` where `motion` does not follow the frames that `progress` knows, but those that `earlier` did: what was
+    to come has changed its mind, and what has gone out since stays.
+
+    Raises ValueError as `advance` does, where `earlier` is not before `progress` in the same stream, and where `motion`
+    ends before what has gone out.
+    """
+    gone = progress.done - earlier.done
+    wanted = _come_in(stream, earlier, motion)
+    if not 0 <= gone <= len(wanted.planted):
+        raise ValueError(f"of {gone} frames that went out since, {len(wanted.planted)} are known anew")
+    rest = slice(gone, None)
+    places, turns, planted = wanted.places.at(rest), wanted.turns.at(rest), wanted.planted[rest]
+    past, ahead = progress.past, progress.ahead
+    return _gone_out(stream, replace(wanted, places=places, turns=turns, planted=planted, past=past, ahead=ahead))
+
+
+def _come_in(stream: Stream, progress: Progress, motion: Motion) -> Progress:
+    """The progress with the frames of `motion`, none solved."""
     if motion.fps != stream.motion_fps or motion.skeleton.names != stream.skeleton.names:
         raise ValueError(
             f"the stream was opened for {len(stream.skeleton.names)} joints at {stream.motion_fps:g} fps, "
@@ -164,8 +191,11 @@ def advance(stream: Stream, progress: Progress, motion: Motion) -> tuple[Progres
         )
     incoming, new = taken(progress.incoming, motion, stream.fps, smooth=stream.smooth)
     progress = replace(progress, incoming=incoming)
-    if new is not None:
-        progress = _wanted(stream, progress, new)
+    return progress if new is None else _wanted(stream, progress, new)
+
+
+def _gone_out(stream: Stream, progress: Progress) -> tuple[Progress, Streamed]:
+    """The progress after all frames that can be solved, and these."""
     out, stand = [progress.past[:0]], [progress.planted[:0]]
     while len(progress.planted) >= stream.preview + stream.each:
         stand.append(progress.planted[: stream.each])
@@ -178,7 +208,7 @@ def advance(stream: Stream, progress: Progress, motion: Motion) -> tuple[Progres
 
 def drained(stream: Stream, progress: Progress) -> Streamed:
     """What is still to go out where the motion has ended: its last frame is held for as long as the stream is late."""
-    last, left = progress.incoming.last, progress.incoming.sampled - (progress.begun - len(progress.planted))
+    last, left = progress.incoming.last, progress.incoming.sampled - progress.done
     count = int(np.ceil((stream.delay + stream.each) * stream.motion_fps / stream.fps)) if left else 0
     if last is None or count == 0:
         return Streamed(progress.past[:0], {foot.name: np.zeros(0, bool) for foot in stream.rig.feet})

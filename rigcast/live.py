@@ -89,7 +89,7 @@ def opened(
                 service = LiveService(publisher, maker, settings, clock, told)
                 yield Live(service, publisher, clock, lambda: 0, line)
     finally:
-        maker.end()
+        maker.wish(None)
         maker.join()
     if maker.error is not None:
         raise maker.error

@@ -3,6 +3,7 @@ each together with a way to rest from its end. What has passed can be played: it
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,11 +46,12 @@ class Moment:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a stretch may be played, and why not; `after`: the moment at its end; `way` (m, 7 + nj): to rest from
-    there; `rested`: the moment at the way's end."""
+    """Whether a stretch may be played, and why not; the `moments` in it that were asked for and at its end (`after`);
+    `way` (m, 7 + nj): to rest from there; `rested`: the moment at the way's end."""
 
     ok: bool
     failures: tuple[Check, ...]
+    moments: tuple[Moment, ...]
     after: Moment
     way: Array
     rested: Moment
@@ -77,8 +79,9 @@ class Gate:
         cool = np.full(len(self._rig.servos), ROOM)
         return Moment(settled(self._scene, self._rest), np.tile(self._rest, (SEEN, 1)), cool, near)
 
-    def judge(self, moment: Moment, qpos: Array) -> Verdict:
-        """What physics says of `qpos` (n, 7 + nj) after `moment`, n above 0, and of going to rest from there.
+    def judge(self, moment: Moment, qpos: Array, marks: Sequence[int] = ()) -> Verdict:
+        """What physics says of `qpos` (n, 7 + nj) after `moment`, n above 0, and of going to rest from there; with the
+        moments after the first 1 to n frames that `marks` counts.
 
         The checks are those of a whole trajectory, but that servos are as warm as all that was done before has left
         them, and a gap that was ever open can close on a finger.
@@ -91,11 +94,14 @@ class Gate:
         asked, done = measure(self._scene, rows), _opened(measure(self._scene, rollout.qpos), moment.near)
         evidence = Evidence(trajectory, self._scene, rollout, asked, done, None)
         watts = heat(rig, rollout)[SEEN:]
-        after = Moment(
-            states[count - 1],
-            rows[count : count + SEEN],
-            self._warmed(moment.warm, watts[:count]),
-            _still_near(done, moment.near, SEEN + count),
+        *moments, after = (
+            Moment(
+                states[mark - 1],
+                rows[mark : mark + SEEN],
+                self._warmed(moment.warm, watts[:mark]),
+                _still_near(done, moment.near, SEEN + mark),
+            )
+            for mark in (*marks, count)
         )
         rested = Moment(
             states[-1 - SEEN], rows[-SEEN:], self._warmed(after.warm, watts[count:]), _still_near(done, after.near)
@@ -103,7 +109,7 @@ class Gate:
         checks = [check(evidence) for check in CHECKS if check is not servo_heat]
         checks.append(_heat(evidence, np.maximum(after.warm, rested.warm)))
         failures = tuple(c for c in checks if not c.ok)
-        return Verdict(not failures, failures, after, way, rested)
+        return Verdict(not failures, failures, tuple(moments), after, way, rested)
 
     def _warmed(self, warm: Array, watts: Array) -> Array:
         """°C of the servos that were `warm` once they have turned `watts` (T, servos) into heat."""

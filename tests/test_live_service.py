@@ -209,7 +209,7 @@ def test_late_frames_lead_to_rest_and_it_goes_on(stage: Stage) -> None:
             stage.service.cycle()  # and nothing is made meanwhile
         stage.go(0.3)
     assert ["too slow" in told.detail for told in stage.typed_told] == [True]  # once
-    stage.ask(DESK, Say("a", RAISE))
+    stage.ask(DESK, Say("a", RAISE, seconds=4.0))
     stage.go(0.3)
     for _ in range(200):
         stage.service.cycle()

@@ -1,8 +1,9 @@
 """The line while it runs: chunks are drawn, retargeted and gated ahead of the playhead, and drawn anew when told so.
 
-Work is done in blocks. Each passes the gate together with a way to rest from its end, so whatever has been admitted can
-be played, and then stopped. Where a block fails, the rig takes the way to rest, which has passed already, and begins
-again from there.
+Work is retargeted in steps and gated in blocks of a few. Each block passes together with a way to rest from its end, so
+whatever has been admitted can be played, and then stopped. Something else can begin after any step: it is made beside
+what was admitted, and takes its place once it has passed. Where a block fails, the rig takes the way to rest from the
+end of what was admitted, and begins again from there.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections import defaultdict
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,55 +22,67 @@ from motiongen.generator import Familiarity
 from motiongen.live.generator import LiveGenerator
 from motiongen.live.steering import Steer
 from motiongen.motion import Motion, cut
+from retarget.incoming import joined
 from retarget.rig import Mount, Rig
-from retarget.streaming import Progress, advance, open_stream
+from retarget.streaming import Progress, open_stream, turned
 from retarget.trajectory import Trajectory
 from sim.ahead import Gate, Moment, Verdict
 from sim.checks import report_id
 
 FPS = 50.0  # frames a second on the wire
-BLOCK = 6  # frames of human motion: 0.2 s, after each of which something else can begin
+MOTION_FPS = 30.0  # of human motion
+STEP = 3  # frames of human motion, 0.1 s, after each of which something else can begin
+BLOCK = 4  # steps that are gated together: a way to rest costs as much as 1 s of motion
+FIRST = 2  # steps of the first block of something else, which somebody waits for; those behind it grow by one each
 LOOK_AHEAD_S = 0.1  # that retargeting sees of what comes
 EACH = 2  # frames that go out of each solution: half the work, and no joint is anywhere else by more than 0.05 rad
-LEAD_S = 0.2  # at least, from what is said to the first frame that it can change: what making a block takes
-LEAD_SHARE = 1.5  # times what the first block after the last change took
-PAST_S = 2.0  # of played frames that are remembered
+LEAD_S = 0.1  # at least, from what is said to the first frame that it can change
+LEAD_SHARE = 1.4  # times what it took to make the first block of something else
+PAST_S = 2.0  # of frames that are remembered
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Block:
-    """Frames `qpos` (n, 7 + nj) from frame `first` on that have passed the gate as `report_id`, showing `text`."""
+    """Frames `qpos` (n, 7 + nj) from frame `first` on that have passed the gate as `report_id`, showing `text`, and the
+    `way` (m, 7 + nj) to rest from their end."""
 
     first: int
     qpos: Array
+    way: Array
     report_id: str
     text: str
 
 
 @dataclass(frozen=True)
 class _Point:
-    """Where something else can begin: the number of the next frame, that of the generator's, what stays of each stage.
-    `way` (m, 7 + nj): to rest from here, `rested` the moment at its end."""
+    """Where something else can begin: the number of the next frame, of the generator's next frame that retargeting has
+    not seen, and what stays of each stage."""
 
     frame: int
     drawn: int
     progress: Progress
     moment: Moment
-    way: Array
+
+
+@dataclass(frozen=True)
+class _End:
+    """Where a block ends, at `frame`; `rested`: the moment at the end of its way."""
+
+    frame: int
+    block: Block
     rested: Moment
 
 
 @dataclass(frozen=True)
-class _Ready:
-    """A block before the gate: `progress` and the generator's frame after it; `fresh`: a chunk was drawn for it."""
+class _Step:
+    """Frames before the gate, with the progress and the generator's frame after them, and what is done in them."""
 
     qpos: Array
     progress: Progress
     drawn: int
     text: str
-    fresh: bool
 
 
 @dataclass
@@ -97,19 +111,21 @@ class Line:
         self.generator, self.rig, self.work = generator, rig, Work()
         self.mount: Mount = rig.mount if mount is None else mount
         self._clock = clock
-        stream, progress = open_stream(
-            rig, generator.skeleton, 30.0, mount=self.mount, fps=FPS, look_ahead=LOOK_AHEAD_S, each=EACH
+        self._stream, self._opened = open_stream(
+            rig, generator.skeleton, MOTION_FPS, mount=self.mount, fps=FPS, look_ahead=LOOK_AHEAD_S, each=EACH
         )
-        self._stream, self._opened = stream, progress
-        self._gate = Gate(rig, stream.nominal, FPS, self.mount)
-        self._begun = self._gate.begin()
-        nothing = np.zeros((0, 7 + len(rig.joints)))
-        self._points = [_Point(0, generator.frame, progress, self._begun, nothing, self._begun)]
-        self.blocks: list[Block] = []
-        self._pending: Motion | None = None  # drawn and not yet retargeted
-        self._ready: _Ready | None = None  # the next block, before the gate
+        self._gate = Gate(rig, self.rest_pose, FPS, self.mount)
         self._second = ThreadPoolExecutor(1, "gate")
-        self._took_s = 0.0  # for the last block with a chunk of its own
+        begun, nothing = self._gate.begin(), self.rest_pose[None][:0]
+        self._ends = [_End(0, Block(0, nothing, nothing, self._id(self.rest_pose[None]), "rest"), begun)]
+        self._ends_before = self._ends  # the last block was made
+        self._points = [_Point(0, generator.frame, self._opened, begun)]
+        self._turn: _Point | None = None  # where something else begins; the last point is what it has seen
+        self._pending: Motion | None = None  # drawn and not yet retargeted
+        self._ready: list[_Step] = []  # of the next block
+        self._steps = FIRST  # of the next block
+        self._asked_s: float | None = clock()  # when something else was asked for that has not begun
+        self._took_s = 0.0  # from there to its first block, the last time
 
     @property
     def rest_pose(self) -> Array:
@@ -119,112 +135,132 @@ class Line:
     @property
     def frame(self) -> int:
         """Number of the next frame that is to be made."""
-        return self._points[-1].frame
+        return self._from.frame
+
+    @property
+    def changing(self) -> bool:
+        """Whether the next block takes the place of frames that were admitted."""
+        return self._turn is not None
 
     def say(self, text: str, playhead: int, *, seconds: float | None = None) -> Familiarity:
         """Do `text` as soon as that can be after the frame `playhead`; see `LiveGenerator.say`."""
-        point = self._point_after(playhead)
-        found = self.generator.say(text, point.drawn, seconds=seconds)
+        point, seen = self._after(playhead)
+        found = self.generator.say(text, self._points[seen].drawn, seconds=seconds)
         if found.known:
-            self._go_back(point)
+            self._turn_at(point, seen)
         return found
 
     def steer(self, steer: Steer, playhead: int) -> None:
         """Steer from as soon after `playhead` as can be; see `LiveGenerator.steer`."""
-        point = self._point_after(playhead)
-        self.generator.steer(steer, point.drawn)
-        self._go_back(point)
+        point, seen = self._after(playhead)
+        self.generator.steer(steer, self._points[seen].drawn)
+        self._turn_at(point, seen)
 
     def rest(self, playhead: int) -> Block:
-        """The way to rest, which has passed already, from as soon after `playhead` as can be; then it idles."""
-        self._go_back(self._point_after(playhead))
+        """The way to rest, which has passed already, from the first end of a block after `playhead`; then it idles."""
+        later = [i for i, end in enumerate(self._ends) if end.frame >= playhead]
+        self._ends = self._ends[: later[0] + 1] if later else self._ends
         return self.take_way()
-
-    @property
-    def way(self) -> Array:
-        """(m, 7 + nj) frames to rest from the end of all that was made; none where it is at rest."""
-        return self._points[-1].way
-
-    @property
-    def way_id(self) -> str:
-        """The report in which the way passed: that of the last block."""
-        return self.blocks[-1].report_id
 
     def make(self) -> Block:
         """The next block that may be played. Where the gate refuses what was drawn, that is the way to rest.
 
-        While the gate looks at it, the block after it is drawn and retargeted: of two cores each has its work. But not
-        after one that took long already, as somebody may wait for it.
+        While the gate looks at it, what comes after it is drawn and retargeted: of two cores each has its work. But
+        only a step where somebody waits for the block.
         """
-        point, start = self._points[-1], self._clock()
-        ready = self._ready or self._prepared(point.progress, point.drawn)
-        judging = self._second.submit(self._judged, point.moment, ready.qpos)
-        self._ready = None if ready.fresh else self._prepared(ready.progress, ready.drawn)
+        point, asked_s = self._from, self._asked_s
+        steps = self._stepped(self._ready, self._steps)
+        qpos, marks = np.concatenate([step.qpos for step in steps]), list(accumulate(len(step.qpos) for step in steps))
+        judging = self._second.submit(self._judged, point.moment, qpos, marks[:-1])
+        self._steps = min(len(steps) + 1, BLOCK)
+        self._ready = self._stepped(steps[-1:], 1 + (self._steps if asked_s is None else 1))[1:]
         verdict = judging.result()
-        self._took_s = self._clock() - start if ready.fresh else self._took_s
+        if asked_s is not None:
+            self._took_s, self._asked_s = self._clock() - asked_s, None
         if not verdict.ok:
             self.work.refused += 1
             self.work.why = "; ".join(check.advice for check in verdict.failures)
             return self.take_way()
-        block = Block(point.frame, ready.qpos, self._id(np.concatenate([ready.qpos, verdict.way])), ready.text)
-        end = point.frame + len(ready.qpos)
-        self._add(block, _Point(end, ready.drawn, ready.progress, verdict.after, verdict.way, verdict.rested))
+        block = Block(point.frame, qpos, verdict.way, self._id(np.concatenate([qpos, verdict.way])), steps[0].text)
+        self._ends_before, end = self._ends, _End(point.frame + len(qpos), block, verdict.rested)
+        self._ends = [e for e in self._ends if point.frame - PAST_S * FPS < e.frame <= point.frame] + [end]
+        moments = (*verdict.moments, verdict.after)
+        self._points += [
+            _Point(point.frame + mark, step.drawn, step.progress, moment)
+            for mark, step, moment in zip(marks, steps, moments, strict=True)
+        ]
+        self._turn = None
+        self._points = [p for p in self._points if p.frame > end.frame - PAST_S * FPS]
         return block
 
     def forget(self) -> None:
-        """The last block was not played: the rig has taken the way to rest before it, see `take_way`."""
-        self._go_back(self._points[-2])
+        """The last block came too late, and what was admitted before it goes on to its end: see `take_way`."""
+        self._ends = self._ends_before
 
-    def _prepared(self, progress: Progress, drawn: int) -> _Ready:
-        """The block after `progress`, before the gate; the generator has drawn up to frame `drawn` for it."""
-        fresh = self._pending is None and drawn == self.generator.frame
+    def take_way(self) -> Block:
+        """The way to rest from the end of all that was admitted; behind it the rig idles, and is steered no more."""
+        end, drawn = self._ends[-1], min(self._points[-1].drawn, self.generator.frame)
+        way = end.block.way if len(end.block.way) else self.rest_pose[None]
+        self.generator.idle(drawn)
+        self.generator.steer(Steer(), drawn)
+        block = Block(end.frame, way, way[:0], end.block.report_id, "rest")
+        self._ends = self._ends_before = [_End(end.frame + len(way), block, end.rested)]
+        self._points = [_Point(end.frame + len(way), drawn, self._opened, end.rested)]
+        self._begin_anew(None)
+        return block
+
+    @property
+    def _from(self) -> _Point:
+        """Where the next block begins."""
+        return self._turn or self._points[-1]
+
+    def _stepped(self, steps: list[_Step], count: int) -> list[_Step]:
+        """`steps`, and as many after them as there are to be."""
+        steps = list(steps)
+        while len(steps) < count:
+            steps.append(self._step(steps[-1] if steps else None))
+        return steps
+
+    def _step(self, before: _Step | None) -> _Step:
+        """What comes after a step, or where the next block begins."""
+        progress = before.progress if before else self._from.progress
+        seen, drawn = (before.progress, before.drawn) if before else (self._points[-1].progress, self._points[-1].drawn)
         while True:
             began = self._clock()
             motion = self._pending or self.generator.next_chunk()
+            while len(motion) < STEP:
+                motion = joined(motion, self.generator.next_chunk())
             self.work.seconds["generate"] += (drew := self._clock()) - began
-            self._pending = cut(motion, BLOCK, len(motion)) if len(motion) > BLOCK else None
-            now = cut(motion, 0, min(BLOCK, len(motion)))
-            progress, streamed = advance(self._stream, progress, now)
+            self._pending = cut(motion, STEP, len(motion)) if len(motion) > STEP else None
+            progress, streamed = turned(self._stream, progress, seen, cut(motion, 0, STEP))
             self.work.seconds["retarget"] += self._clock() - drew
-            drawn += len(now)
+            seen, drawn = progress, drawn + STEP
             if len(streamed.qpos):
-                return _Ready(streamed.qpos, progress, drawn, now.labels[0].text, fresh)
+                return _Step(streamed.qpos, progress, drawn, motion.labels[0].text)
 
-    def _judged(self, moment: Moment, qpos: Array) -> Verdict:
+    def _judged(self, moment: Moment, qpos: Array, marks: list[int]) -> Verdict:
         began = self._clock()
-        verdict = self._gate.judge(moment, qpos)
+        verdict = self._gate.judge(moment, qpos, marks)
         self.work.seconds["gate"] += self._clock() - began
         return verdict
 
-    def take_way(self) -> Block:
-        """The way to rest from the end of all that was made; behind it the rig idles, and is steered no more."""
-        point = self._points[-1]
-        way = point.way if len(point.way) else self._stream.nominal[None]
-        self.generator.idle(point.drawn)
-        self.generator.steer(Steer(), point.drawn)
-        self._pending = self._ready = None
-        block = Block(point.frame, way, self.way_id if self.blocks else self._id(way), "rest")
-        after = _Point(point.frame + len(way), point.drawn, self._opened, point.rested, way[:0], point.rested)
-        self._add(block, after)
-        return block
-
-    def _add(self, block: Block, point: _Point) -> None:
-        self.blocks.append(block)
-        self._points.append(point)
-        while self._points[1].frame < point.frame - PAST_S * FPS and len(self._points) > 2:
-            self._points.pop(0)
-            self.blocks.pop(0)
-
-    def _point_after(self, playhead: int) -> _Point:
-        """The first point that is far enough ahead, else the last."""
+    def _after(self, playhead: int) -> tuple[_Point, int]:
+        """The first point that is far enough ahead, else the last; and the number of the point at which retargeting had
+        seen the motion up to there, but nothing after it."""
         wanted = playhead + round(max(LEAD_S, LEAD_SHARE * self._took_s) * FPS)
-        return next((p for p in self._points if p.frame >= wanted), self._points[-1])
+        point = next((p for p in self._points if p.frame >= wanted), self._from)
+        shown = point.progress.done / FPS
+        seen = next(i for i, p in enumerate(self._points) if p.progress.incoming.received / MOTION_FPS >= shown)
+        return point, seen
 
-    def _go_back(self, point: _Point) -> None:
-        while self._points[-1] is not point:
-            self._points.pop()
-            self.blocks.pop()
-        self._pending = self._ready = None
+    def _turn_at(self, point: _Point, seen: int) -> None:
+        """Go on from a point, with what retargeting had seen at another."""
+        self._points = self._points[: seen + 1]
+        self._begin_anew(point)
+        self._asked_s = self._clock()
+
+    def _begin_anew(self, turn: _Point | None) -> None:
+        self._turn, self._pending, self._ready, self._steps, self._asked_s = turn, None, [], FIRST, None
 
     def _id(self, qpos: Array) -> str:
         trajectory = Trajectory(qpos, FPS, self.rig.name, self.rig.joint_names())

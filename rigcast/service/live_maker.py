@@ -11,7 +11,7 @@ from motiongen.live.steering import Steer
 from rigcast.service.line import FPS, Block, Line
 from rigcast.service.playlist import Playlist, Row
 
-AHEAD_S = 0.6  # that is admitted ahead of the playhead; what is wished later takes back what was not played
+AHEAD = round(0.6 * FPS)  # frames that are admitted ahead of the playhead, at least
 POLL_S = 0.02
 
 
@@ -41,7 +41,7 @@ class Answer:
 
 
 class LiveMaker(threading.Thread):
-    """Fills `playlist` from `line`. Put into `wishes`, take from `answers`; `end` leads to rest for good.
+    """Fills `playlist` from `line`, as it is told by `wish`; take from `answers`.
 
     `over`: nothing more comes. `error`: what went wrong while motion was made; the way to rest is played then.
     """
@@ -49,16 +49,17 @@ class LiveMaker(threading.Thread):
     def __init__(self, line: Line) -> None:
         super().__init__(daemon=True, name="live")
         self.line, self.playlist = line, Playlist()
-        self.wishes: queue.SimpleQueue[Wish | None] = queue.SimpleQueue()
+        self._wishes: queue.SimpleQueue[Wish | None] = queue.SimpleQueue()
         self.answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
         self.error: BaseException | None = None
         self.over = threading.Event()
         self._current = 0  # number of the wish that is being done
         self._refused = 0
 
-    def end(self) -> None:
-        """Lead the rig to rest, and make nothing more."""
-        self.wishes.put(None)
+    def wish(self, wish: Wish | None) -> None:
+        """Do that as soon as it can be; None: lead the rig to rest, and make nothing more."""
+        self._wishes.put(wish)
+        self.playlist.wake()
 
     def run(self) -> None:
         """Until the end."""
@@ -74,14 +75,16 @@ class LiveMaker(threading.Thread):
         with self.playlist.held():
             self._catch_up()
         self._obey()
-        if not self.over.is_set() and self.playlist.wait_below(round(AHEAD_S * FPS), patience_s):
+        if self.over.is_set():
+            return
+        if self.line.changing or self.playlist.wait_below(AHEAD, patience_s, lambda: not self._wishes.empty()):
             self._put(self.line.make())
 
     def _obey(self) -> None:
         """Do all that was wished since; of several texts the last one that is known, as the others are over already."""
         wishes = []
-        while not self.wishes.empty():
-            wishes.append(self.wishes.get())
+        while not self._wishes.empty():
+            wishes.append(self._wishes.get())
         if None in wishes:
             self._rest()
             self.over.set()
@@ -113,7 +116,6 @@ class LiveMaker(threading.Thread):
             with self.playlist.held() as playhead:
                 self._catch_up()
                 self.line.say(wish.text, playhead, seconds=wish.seconds)
-                self.playlist.cut(self.line.frame, self._way())
         except PromptError as error:
             self.answers.put(Answer(wish.number, failed=str(error)))
             return False
@@ -126,16 +128,13 @@ class LiveMaker(threading.Thread):
             with self.playlist.held() as playhead:
                 self._catch_up()
                 self.line.steer(steer, playhead)
-                self.playlist.cut(self.line.frame, self._way())
         except PromptError as error:
             self.answers.put(Answer(wish.number, failed=str(error)))
 
     def _rest(self) -> None:
         with self.playlist.held() as playhead:
             self._catch_up()
-            block = self.line.rest(playhead)
-            self.playlist.cut(block.first, ())
-            self._put(block)
+            self._put(self.line.rest(playhead))
 
     def _catch_up(self) -> None:
         """Where rows ran out, the rig has taken the way to rest by itself."""
@@ -145,7 +144,8 @@ class LiveMaker(threading.Thread):
 
     def _put(self, block: Block) -> None:
         rows = [Row(row, block.report_id, block.text) for row in block.qpos]
-        if not self.playlist.put(rows, self._way()):
+        way = tuple(Row(row, block.report_id, "rest") for row in block.way)
+        if not self.playlist.put(rows, way, block.first):
             self.line.forget()
         elif self.line.work.refused > self._refused:
             self._refused = self.line.work.refused
@@ -154,6 +154,3 @@ class LiveMaker(threading.Thread):
     def _give_up(self, why: str) -> None:
         self.answers.put(Answer(self._current, failed=why, rested=True))
         self._current = 0
-
-    def _way(self) -> tuple[Row, ...]:
-        return tuple(Row(row, self.line.way_id, "rest") for row in self.line.way)

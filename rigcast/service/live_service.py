@@ -107,7 +107,7 @@ class LiveService:
         """Take nothing more, and lead the rig to rest."""
         self._desk.leaving = True
         self._orders.drop(why)
-        self._maker.end()
+        self._maker.wish(None)
 
     def finish(self) -> None:
         """Tell the rigs that the stream is over."""
@@ -164,7 +164,7 @@ class LiveService:
             return
         if steer is not None:
             self._steer = steer
-            self._maker.wishes.put(Wish(0, steer=steer))
+            self._maker.wish(Wish(0, steer=steer))
             self._tell(caller, Told(request.id, "played", "from now on"))
             return
         order = self._orders.add(caller, request)
@@ -174,7 +174,7 @@ class LiveService:
     def _rest(self, why: str) -> None:
         self._orders.drop(why)
         self._doing, self._steer = 0, Steer()
-        self._maker.wishes.put(Wish(0))
+        self._maker.wish(Wish(0))
 
     def _next(self) -> None:
         """Wish for the next text where the one before it is over, or about to be."""
@@ -187,7 +187,7 @@ class LiveService:
 
     def _ask(self, order: Order) -> None:
         self._orders.came_to(order, "making")
-        self._maker.wishes.put(Wish(order.number, order.say.text, order.say.seconds))
+        self._maker.wish(Wish(order.number, order.say.text, order.say.seconds))
 
     def _answered(self, answer: Answer) -> None:
         order = self._orders.get(answer.number)

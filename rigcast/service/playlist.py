@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Condition
@@ -26,7 +26,8 @@ class Row:
 class Playlist:
     """Rows by number. One thread plays, one puts rows and may take back what was not played.
 
-    Where rows run out, the player takes the way to rest that came with the last of them, and the maker is told so.
+    Where rows run out, or others come too late to take their place, the player takes the way to rest that came with the
+    last of them, and the maker is told so.
     """
 
     def __init__(self) -> None:
@@ -55,18 +56,16 @@ class Playlist:
         with self._changed:
             yield self._next
 
-    def cut(self, first: int, way: tuple[Row, ...]) -> None:
-        """Take back the rows from number `first` on, of which none has been played; the `way` leads to rest there."""
+    def put(self, rows: list[Row], way: tuple[Row, ...], first: int | None = None) -> bool:
+        """Add `rows` and the `way` to rest behind them, in the place of all from number `first` on, by default at the
+        end. False, and nothing is added, where rows had run out or the first has been played: see `take_ran_out`."""
         with self._changed:
-            while self._next + len(self._rows) > first:
-                self._rows.pop()
-            self._way = way
-
-    def put(self, rows: list[Row], way: tuple[Row, ...]) -> bool:
-        """Add `rows`, and the `way` to rest behind them; False where rows had run out: see `take_ran_out`."""
-        with self._changed:
+            if first is not None and first < self._next:
+                self._run_out()
             if self._ran_out:
                 return False
+            while first is not None and self._next + len(self._rows) > first:
+                self._rows.pop()
             self._rows.extend(rows)
             self._way = way
             return True
@@ -75,8 +74,7 @@ class Playlist:
         """The row that is due and the one after it (or itself); None before the first rows."""
         with self._changed:
             if not self._rows and self._way:
-                self._rows.extend(self._way)
-                self._way, self._ran_out = (), True
+                self._run_out()
             if self._rows:
                 self._last = self._rows.popleft()
                 self._next += 1
@@ -84,12 +82,23 @@ class Playlist:
             return None if self._last is None else (self._last, self._rows[0] if self._rows else self._last)
 
     def take_ran_out(self) -> bool:
-        """Whether rows ran out since the last call; what is put from then on follows the way to rest."""
+        """Whether the way to rest was taken since the last call; what is put from then on follows it."""
         with self._changed:
             out, self._ran_out = self._ran_out, False
             return out
 
-    def wait_below(self, rows: int, timeout_s: float) -> bool:
-        """Wait until fewer than `rows` wait; False after `timeout_s`."""
+    def wait_below(self, rows: int, timeout_s: float, unless: Callable[[], bool] = lambda: False) -> bool:
+        """Wait until fewer than `rows` wait; False after `timeout_s`, or where it is `unless`: see `wake`."""
         with self._changed:
-            return self._changed.wait_for(lambda: len(self._rows) < rows, timeout_s)
+            self._changed.wait_for(lambda: len(self._rows) < rows or unless(), timeout_s)
+            return len(self._rows) < rows and not unless()
+
+    def wake(self) -> None:
+        """Let whoever waits look again."""
+        with self._changed:
+            self._changed.notify_all()
+
+    def _run_out(self) -> None:
+        """The way to rest is what follows the rows."""
+        self._rows.extend(self._way)
+        self._way, self._ran_out = (), True
