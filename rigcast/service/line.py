@@ -35,9 +35,9 @@ STEP = 3  # frames of human motion, 0.1 s, after each of which something else ca
 BLOCK = 4  # steps that are gated together: a way to rest costs as much as 1 s of motion
 FIRST = 2  # steps of the first block of something else, which somebody waits for; those behind it grow by one each
 LOOK_AHEAD_S = 0.1  # that retargeting sees of what comes
-EACH = 2  # frames that go out of each solution: half the work, and no joint is anywhere else by more than 0.05 rad
+EACH = 3  # frames that go out of each solution: half the work, and no joint is anywhere else by more than 0.05 rad
 LEAD_S = 0.1  # at least, from what is said to the first frame that it can change
-LEAD_SHARE = 1.4  # times what it took to make the first block of something else
+LEAD_SHARE = 1.25  # times what it took to make the first block of something else
 PAST_S = 2.0  # of frames that are remembered
 
 Array = NDArray[np.float64]
@@ -225,16 +225,17 @@ class Line:
         """What comes after a step, or where the next block begins."""
         progress = before.progress if before else self._from.progress
         seen, drawn = (before.progress, before.drawn) if before else (self._points[-1].progress, self._points[-1].drawn)
+        count = 2 * STEP if self.changing and before is None else STEP  # as much has gone out unseen, up to a step
         while True:
             began = self._clock()
             motion = self._pending or self.generator.next_chunk()
-            while len(motion) < STEP:
+            while len(motion) < count:
                 motion = joined(motion, self.generator.next_chunk())
             self.work.seconds["generate"] += (drew := self._clock()) - began
-            self._pending = cut(motion, STEP, len(motion)) if len(motion) > STEP else None
-            progress, streamed = turned(self._stream, progress, seen, cut(motion, 0, STEP))
+            self._pending = cut(motion, count, len(motion)) if len(motion) > count else None
+            progress, streamed = turned(self._stream, progress, seen, cut(motion, 0, count))
             self.work.seconds["retarget"] += self._clock() - drew
-            seen, drawn = progress, drawn + STEP
+            seen, drawn = progress, drawn + count
             if len(streamed.qpos):
                 return _Step(streamed.qpos, progress, drawn, motion.labels[0].text)
 
@@ -245,12 +246,13 @@ class Line:
         return verdict
 
     def _after(self, playhead: int) -> tuple[_Point, int]:
-        """The first point that is far enough ahead, else the last; and the number of the point at which retargeting had
-        seen the motion up to there, but nothing after it."""
+        """The first point that is far enough ahead, else the last; and the number of the one at which retargeting had
+        seen the motion up to there, to the nearest step, and not what it looks at ahead."""
         wanted = playhead + round(max(LEAD_S, LEAD_SHARE * self._took_s) * FPS)
         point = next((p for p in self._points if p.frame >= wanted), self._from)
-        shown = point.progress.done / FPS
-        seen = next(i for i, p in enumerate(self._points) if p.progress.incoming.received / MOTION_FPS >= shown)
+        shown = point.progress.done / FPS  # s since the stream was opened
+        ahead = [p.progress.incoming.received / MOTION_FPS - shown for p in self._points]
+        seen = min(range(len(ahead)), key=lambda i: abs(ahead[i]))
         return point, seen
 
     def _turn_at(self, point: _Point, seen: int) -> None:
