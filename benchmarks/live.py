@@ -138,11 +138,9 @@ def whole_line(weights: Path, quick: bool, found: Found) -> None:
 
 def client(weights: Path, quick: bool, found: Found) -> None:
     """From a prompt's newline to 10 % of the arm's move, as somebody sees it who follows the stream."""
-    took = answers(weights, RIG, 4 if quick else 40)
-    if took:
-        took.sort()
-        found.figures["client_prompts"] = len(took)
-    p50, p95 = (took[min(int(q * len(took)), len(took) - 1)] if took else None for q in (0.5, 0.95))
+    took = sorted(answers(weights, RIG, 4 if quick else 24))
+    found.figures["client_prompts"] = len(took)
+    p50, p95 = (took[int(q * len(took))] for q in (0.5, 0.95))
     found.lines.append(Line("client", "s from prompt to 10 % of the move, p50", p50, P50_S, at_least=False))
     found.lines.append(Line("client", "s from prompt to 10 % of the move, p95", p95, P95_S, at_least=False))
 

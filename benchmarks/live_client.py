@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 import tempfile
@@ -16,15 +17,16 @@ from retarget.rig import load_rig
 
 PROMPTS = (("raise the right hand", "right"), ("raise the left hand", "left"))
 IDLE_S, WATCH_S = 5.0, 3.0  # before a prompt, so that the last one is over; and after it
+PERIOD_S = 0.02  # of the stream
 SHARE = 0.1  # of the move
 LEAST = 0.3  # rad: a smaller move was none
 PATIENCE_S = 120.0
 
 
 def answers(weights: Path, rig: str, count: int) -> list[float]:
-    """Seconds from the newline of a prompt until the arm that it names has done a tenth of its move in the joints;
-    prompts that no arm moved at are left out."""
-    names = load_rig(rig).joint_names()
+    """Seconds from the newline of a prompt until the arm that it names has done a tenth of its move in the joints,
+    infinitely many where it does not move."""
+    names, rng = load_rig(rig).joint_names(), np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as room, zmq.Context() as context, context.socket(zmq.SUB) as frames:
         endpoint = f"ipc://{Path(room) / 'stream'}"
         frames.setsockopt(zmq.RECONNECT_IVL, 1)
@@ -44,13 +46,14 @@ def answers(weights: Path, rig: str, count: int) -> list[float]:
                 text, side = PROMPTS[i % len(PROMPTS)]
                 arm = [k for k, name in enumerate(names) if name.startswith(side) and _is_arm(name)]
                 _watched(frames, IDLE_S)
+                time.sleep(rng.uniform(0.0, PERIOD_S))  # else every prompt would come as a frame does
                 asked = time.monotonic()
                 process.stdin.write(f"{text}\n")
                 process.stdin.flush()
                 at, pos = _watched(frames, WATCH_S)
                 moved = np.abs(pos[:, arm] - pos[0, arm]).max(1)
-                if moved.max() > LEAST:
-                    took.append(float(at[np.argmax(moved > SHARE * moved.max())] - asked))
+                tenth = at[np.argmax(moved > SHARE * moved.max())] - asked
+                took.append(float(tenth) if moved.max() > LEAST else math.inf)
             process.stdin.close()
             process.wait(PATIENCE_S)
     return took

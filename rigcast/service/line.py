@@ -37,7 +37,8 @@ FIRST = 2  # steps of the first block of something else, which somebody waits fo
 LOOK_AHEAD_S = 0.1  # that retargeting sees of what comes
 EACH = 3  # frames that go out of each solution: half the work, and no joint is anywhere else by more than 0.05 rad
 LEAD_S = 0.1  # at least, from what is said to the first frame that it can change
-LEAD_SHARE = 1.25  # times what it took to make the first block of something else
+LEAD_SHARE = 1.2  # times what it took to make the first block of something else
+CAUTION = 0.85  # of what that took the time before is expected at least: the rig rests where a block comes too late
 PAST_S = 2.0  # of frames that are remembered
 
 Array = NDArray[np.float64]
@@ -125,7 +126,7 @@ class Line:
         self._ready: list[_Step] = []  # of the next block
         self._steps = FIRST  # of the next block
         self._asked_s: float | None = clock()  # when something else was asked for that has not begun
-        self._took_s = 0.0  # from there to its first block, the last time
+        self._took_s = 0.0  # from there to its first block, the last time or the times before
 
     @property
     def rest_pose(self) -> Array:
@@ -176,7 +177,7 @@ class Line:
         self._ready = self._stepped(steps[-1:], 1 + (self._steps if asked_s is None else 1))[1:]
         verdict = judging.result()
         if asked_s is not None:
-            self._took_s, self._asked_s = self._clock() - asked_s, None
+            self._took_s, self._asked_s = max(self._clock() - asked_s, CAUTION * self._took_s), None
         if not verdict.ok:
             self.work.refused += 1
             self.work.why = "; ".join(check.advice for check in verdict.failures)
