@@ -50,7 +50,7 @@ def in_panels(w: Tensors, rows: int) -> Tensors:
 def layer_norm(x: Floats, w: Tensors, name: str, eps: float = 1e-5) -> Floats:
     """Zero mean and unit variance over the last axis, then scaled and shifted (Ba et al. 2016)."""
     share = np.float32(1 / x.shape[-1])
-    x = x - np.add.reduce(x, -1, keepdims=True) * share
+    x = (x - np.add.reduce(x, -1, keepdims=True) * share).astype(np.float32, copy=False)
     x *= 1 / np.sqrt(np.einsum("...i,...i->...", x, x)[..., None] * share + np.float32(eps))
     x *= w[f"{name}.weight"]
     x += w[f"{name}.bias"]

@@ -71,10 +71,11 @@ def told(
 
 def heard(w: Tensors, words: Floats, mask: NDArray[np.bool_]) -> Words:
     """What the blocks in `w` hear of `words` (B, M, width) where `mask` (B, M)."""
-    at, layers = "blocks.{}.cross_attention.{}", []
-    while at.format(len(layers), "key.weight") in w:
-        layers.append([linear(words, w, at.format(len(layers), name)) for name in ("key", "value")])
-    return Words(tuple(k for k, _ in layers), tuple(v for _, v in layers), mask)
+    names: list[str] = []
+    while (name := f"blocks.{len(names)}.cross_attention") + ".key.weight" in w:
+        names.append(name)
+    keys, values = (tuple(linear(words, w, f"{name}.{which}") for name in names) for which in ("key", "value"))
+    return Words(keys, values, mask)
 
 
 def estimate(w: Tensors, sizes: Mapping[str, int], x: Floats, t: float, told: Told) -> Floats:
