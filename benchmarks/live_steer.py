@@ -1,7 +1,4 @@
-"""How well the live generator goes where it is told: by the numbers that it hears, or by overwriting what it draws.
-
-What is overwritten (MDM, Sec. 3, Editing) are the features that the numbers are about: yaw rate and planar velocity.
-"""
+"""How well the live generator goes where it is told: as it is, and where the network only hears the numbers."""
 
 from __future__ import annotations
 
@@ -12,11 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from motiongen.diffusion.mdm_run import Told
 from motiongen.live import chunk as chunks
 from motiongen.live.generator import LiveGenerator
-from motiongen.live.steering import ROOT, ROOT_GIVEN, WRISTS, Steer
-from motiongen.nn import Floats
+from motiongen.live.steering import WRISTS, Steer
 
 SETTLE_S, WATCH_S = 1.5, 3.0
 HANDS = ((0.35, -0.25, 1.3), (0.25, -0.35, 1.5), (0.30, -0.10, 1.1))
@@ -25,9 +20,9 @@ HANDS = ((0.35, -0.25, 1.3), (0.25, -0.35, 1.5), (0.30, -0.10, 1.1))
 def steered(weights: Path, seeds: int) -> dict[str, dict[str, float]]:
     """Mean error of heading in degrees, speed in m/s, place beside a path and a wrist in m; by way of steering."""
     out = {}
-    for way in ("heard", "overwritten", "not told"):
+    for way in ("as it is", "heard alone", "not told"):
         live = LiveGenerator(weights)
-        with _overwriting() if way == "overwritten" else _as_it_is():
+        with _heard_alone() if way == "heard alone" else _as_it_is():
             out[way] = {name: round(value, 3) for name, value in _errors(live, seeds, told=way != "not told").items()}
     return out
 
@@ -89,23 +84,11 @@ def _as_it_is() -> Iterator[None]:
 
 
 @contextmanager
-def _overwriting() -> Iterator[None]:
-    """The network hears nothing, and its estimate of the root's columns is overwritten at every pass."""
-    told, estimate = chunks.mdm_run.told, chunks.mdm_run.estimate
-    asked = [np.zeros(0, np.float32)]
-
-    def told_without(w, sizes, frames, said, steering) -> Told:
-        asked[0] = steering
-        return told(w, sizes, frames, said, np.zeros_like(steering))
-
-    def overwritten(w, sizes, x, t, told) -> Floats:
-        made, steering = estimate(w, sizes, x, t, told), asked[0]
-        given = steering[..., ROOT_GIVEN] > 0
-        made[..., :3] = np.where(given[..., None], steering[..., ROOT], made[..., :3])
-        return made
-
-    chunks.mdm_run.told, chunks.mdm_run.estimate = told_without, overwritten
+def _heard_alone() -> Iterator[None]:
+    """The network hears the numbers, and what it makes of them stays."""
+    overwritten, reached = chunks.overwritten, chunks.reached
+    chunks.overwritten, chunks.reached = lambda made, _: made, lambda features, *_: features
     try:
         yield
     finally:
-        chunks.mdm_run.told, chunks.mdm_run.estimate = told, estimate
+        chunks.overwritten, chunks.reached = overwritten, reached

@@ -72,6 +72,8 @@ def opened(
     require_free(stage.endpoint)
     area = None if stage.floor is None else Area((-stage.floor, -stage.floor), (stage.floor, stage.floor))
     generator = LiveGenerator(weights_path(stage.generator), seed=stage.seed, area=area)
+    generator.next_chunk()  # the first takes several times as long: not in what the line learns of that
+    generator.restart(stage.seed)
     line = Line(generator, stage.rig, stage.mount)
     maker = LiveMaker(line)
     maker.start()

@@ -20,7 +20,7 @@ from motiongen.generator import PromptError
 from motiongen.live.chunk import HAND_OVER, TAIL, after, handed_over
 from motiongen.live.clips import LiveClips
 from motiongen.live.generator import PAST_S, LiveGenerator
-from motiongen.live.steering import HANDS, HANDS_GIVEN, REACH_S, ROOT, ROOT_GIVEN, STROLL, Area, Steer, signals
+from motiongen.live.steering import HANDS, HANDS_GIVEN, REACH_S, ROOT, ROOT_GIVEN, STROLL, WRISTS, Area, Steer, signals
 from motiongen.motion import Motion
 from motiongen.nn import in_panels
 
@@ -213,6 +213,20 @@ def test_signals_of_hands_come_once_they_had_time(path: Path) -> None:
     assert reached.sum() == CHUNK - round(REACH_S * FPS) + 6
     assert told[reached][:, HANDS[1]] == pytest.approx(np.tile([0.6, -0.4, 3.0], (reached.sum(), 1)))
     assert not told[:, HANDS_GIVEN[0]].any()
+
+
+def test_what_is_steered_is_done_whatever_the_network_has_learnt(live: LiveGenerator) -> None:
+    live.next_chunk()
+    live.steer(Steer(heading=1.0, speed=0.5, right_hand=(0.3, -0.2, 1.3)))
+    begun = live.state.heading
+    motion = [live.next_chunk() for _ in range(3)][-1]
+    seconds = 3 * WHOLE / FPS
+    assert live.state.heading == pytest.approx(1.0 + (begun - 1.0) * math.exp(-seconds / 0.7), abs=0.02)
+    wrist, root = motion.positions()[-1, [WRISTS[1], 0]]
+    from_root = wrist - [*root[:2], 0.0]
+    turn = live.state.heading
+    ahead = from_root[:2] @ np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    assert [*ahead, from_root[2]] == pytest.approx([0.3, -0.2, 1.3], abs=0.02)
 
 
 def test_way_off_the_floor_turns_back(live: LiveGenerator) -> None:

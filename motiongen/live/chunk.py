@@ -16,6 +16,8 @@ from motiongen.diffusion.samplers import SAMPLERS, Denoiser, guided
 from motiongen.diffusion.schedule import SCHEDULES, even_ratios
 from motiongen.diffusion.weights import Weights
 from motiongen.features import CONTACTS, FPS, HEIGHT, PLANAR, WIDTH, YAW, features_to_motion, root_path
+from motiongen.live.reaching import Hands, reached
+from motiongen.live.steering import ROOT, ROOT_GIVEN
 from motiongen.motion import Label, Motion, Skeleton, Source
 from motiongen.nn import Floats
 from motiongen.rotation import quat_continuous, quat_mul, quat_rotate, yaw_quat
@@ -77,12 +79,20 @@ def begin(heading: float = 0.0, place: tuple[float, float] = (0.0, 0.0)) -> Stat
 
 
 def next_chunk(
-    model: Weights, skeleton: Skeleton, state: State, said: Said, steering: Floats, how: Drawing, seed: int
+    model: Weights,
+    skeleton: Skeleton,
+    state: State,
+    said: Said,
+    steering: Floats,
+    how: Drawing,
+    seed: int,
+    hands: Hands = Hands(),  # noqa: B008
 ) -> Chunk:
     """What follows `state` under the one text of `said` and `steering` (H + C, 12), the same for the same arguments.
 
-    It begins where the history leads, is smoothed over five frames, and the slip of planted feet is taken off the
-    root's path. Raises FloatingPointError where the network gives numbers that are not finite.
+    It begins where the history leads, is smoothed over five frames, its `hands` are led to their places, and the slip
+    of planted feet is taken off the root's path. Raises FloatingPointError where the network gives numbers that are not
+    finite.
     """
     history = int(model.sizes["history"])
     x = _drawn(model, state, said, steering, how, seed)
@@ -93,6 +103,7 @@ def next_chunk(
     known = len(past)
     features = smoothed_over_five(np.concatenate([past, handed_over(past, features)]).astype(float))
     features[:known] = past
+    features[known:] = reached(features[known:], skeleton, hands)
     motion = features_to_motion(features, skeleton)
     features[known:, PLANAR] -= slip(motion, features[:, CONTACTS])[known:]  # what has been shown stays
     kept = slice(known, known + model.window - history - TAIL)
@@ -118,12 +129,21 @@ def _drawn(model: Weights, state: State, said: Said, steering: Floats, how: Draw
     told = mdm_run.told(model.tensors, sizes, frames, with_nothing(said), np.stack([steering, steering]))
 
     def predict(x: Floats, t: float) -> Floats:
-        return mdm_run.estimate(model.tensors, sizes, np.concatenate([past, x], axis=1), t, told)[:, history:]
+        made = mdm_run.estimate(model.tensors, sizes, np.concatenate([past, x], axis=1), t, told)[:, history:]
+        return overwritten(made, steering[history:])
 
     noise = np.random.default_rng([seed, state.frame]).standard_normal((1, window - history, width), np.float32)
     schedule = SCHEDULES[model.schedule]
     denoise = guided(cast(Denoiser, predict), how.guidance)
     return cast(Floats, SAMPLERS[SAMPLER](denoise, lambda: noise, schedule, _times(model.schedule, how.passes))[0])
+
+
+def overwritten(made: Floats, steering: Floats) -> Floats:
+    """An estimate (…, C, 140), normalised, with yaw rate and velocity of the root as `steering` (C, 12) has them, where
+    given (MDM, Sec. 3, Editing): what the network makes of hearing them alone is well off."""
+    given = steering[:, ROOT_GIVEN] > 0
+    made[..., given, ROOT] = steering[given, ROOT]
+    return made
 
 
 def handed_over(past: Floats, features: Floats) -> Floats:

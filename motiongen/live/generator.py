@@ -17,6 +17,7 @@ from motiongen.diffusion.weights import FOLDER, WeightsError, load_weights, near
 from motiongen.features import FPS
 from motiongen.generator import MAX_SECONDS, MIN_SECONDS, Familiarity, PromptError, check_prompt, check_seconds
 from motiongen.live.chunk import Chunk, Drawing, State, after, begin, next_chunk, shown
+from motiongen.live.reaching import Hands
 from motiongen.live.steering import Area, Steer, signals
 from motiongen.motion import SMPL_JOINTS, SMPL_PARENTS, Motion, Skeleton, Source
 from motiongen.nn import in_panels
@@ -144,8 +145,10 @@ class LiveGenerator:
         turn = next(t for t in reversed(self._turns) if t.start <= state.frame)
         until = min([until, *(t.start for t in self._turns if t.start > state.frame)], default=until)
         steer = self._kept_inside(turn.steer)
-        told = signals(self.weights, steer, state.heading, state.place, state.cruise, state.frame - turn.start)
-        chunk = next_chunk(self.weights, self.skeleton, state, self._said(text), told, self.how, self.seed)
+        since = state.frame - turn.start
+        told = signals(self.weights, steer, state.heading, state.place, state.cruise, since)
+        hands = Hands(steer.left_hand, steer.right_hand, since)
+        chunk = next_chunk(self.weights, self.skeleton, state, self._said(text), told, self.how, self.seed, hands)
         count = min(len(chunk), until - state.frame)
         self._chunks.append(chunk)
         self._states.append(after(chunk, count))

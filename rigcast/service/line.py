@@ -38,7 +38,7 @@ LOOK_AHEAD_S = 0.1  # that retargeting sees of what comes
 EACH = 3  # frames that go out of each solution: half the work, and no joint is anywhere else by more than 0.05 rad
 LEAD_S = 0.1  # at least, from what is said to the first frame that it can change
 LEAD_SHARE = 1.2  # times what it took to make the first block of something else
-CAUTION = 0.85  # of what that took the time before is expected at least: the rig rests where a block comes too late
+CAUTION = 0.7  # of what that took the time before is expected at least: the rig rests where a block comes too late
 PAST_S = 2.0  # of frames that are remembered
 
 Array = NDArray[np.float64]
