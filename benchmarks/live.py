@@ -1,6 +1,6 @@
 """The live generator: its speed against real time, what answering takes as a client sees it, an hour of it.
 
-    python benchmarks/live.py [--quick] [--json] [--gate] [--part speed|ways|line|client|hour|steer|offline]
+    python benchmarks/live.py [--quick] [--json] [--gate] [--part speed|ways|each|line|client|hour|steer|offline]
 
 Times are wall time on whatever else the machine does, processor time where it says so; `cores` and `load` say how many
 there are and how many programs want one. Targets are for two idle cores.
@@ -46,6 +46,7 @@ def main() -> int:
     parts: dict[str, Callable[[Path, bool, Found], None]] = {
         "speed": speed,
         "ways": each_way,
+        "each": each_frame,
         "line": whole_line,
         "client": client,
         "hour": long_run,
@@ -101,6 +102,13 @@ def each_way(weights: Path, quick: bool, found: Found) -> None:
     from live_ways import ways
 
     found.figures["pass"] = ways(weights, quick)
+
+
+def each_frame(weights: Path, quick: bool, found: Found) -> None:
+    """What it costs and changes that several frames go out of each solution of retargeting."""
+    from live_each import each_solution
+
+    found.figures["frames_a_solution"] = each_solution(weights, RIG, quick)
 
 
 def whole_line(weights: Path, quick: bool, found: Found) -> None:

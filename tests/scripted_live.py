@@ -50,5 +50,11 @@ class Scripted:
     def steer(self, steer: Steer, at_frame: int) -> None:
         self.steers.append(steer)
 
+    def kept(self) -> tuple[int, dict[int, str]]:
+        return self.frame, dict(self.texts)
+
+    def return_to(self, kept: tuple[int, dict[int, str]]) -> None:
+        self.frame, self.texts = kept
+
     def usual_seconds(self, text: str) -> float:
         return 2.0

@@ -139,6 +139,18 @@ def test_what_was_admitted_is_done_where_something_else_is_refused_or_late(
     assert np.allclose(block.qpos[-1], line.rest_pose)
 
 
+def test_what_comes_too_late_is_made_again_further_ahead(rig: Rig) -> None:
+    line, other = opened(rig), opened(rig)
+    out, others = made(line, 60), made(other, 60)
+    line.say("raise the right hand", 10)
+    line.make()  # and frames beyond its first one have been played by now
+    line.again(24)
+    other.say("raise the right hand", 24)
+    assert line.changing
+    assert line.frame == other.frame >= 24 + LEAD_S * FPS
+    assert np.array_equal(made(line, 90, out)[:90], made(other, 90, others)[:90])
+
+
 def rows(count: int, name: str) -> list[Row]:
     return [Row(np.array([float(i)]), name, name) for i in range(count)]
 
@@ -169,13 +181,13 @@ def test_playlist_has_later_rows_take_the_place_of_earlier_ones() -> None:
     assert [p[0].text for p in (playlist.play() for _ in range(5)) if p] == ["a", "a", "a", "b", "near"]
 
 
-def test_rows_that_come_too_late_are_not_taken_and_the_way_is() -> None:
+def test_rows_that_come_too_late_change_nothing() -> None:
     playlist = Playlist()
     playlist.put(rows(4, "a"), tuple(rows(1, "way")), 0)
     playlist.play()
     playlist.play()
     assert not playlist.put(rows(4, "late"), (), 1)
-    assert playlist.take_ran_out()
+    assert not playlist.ran_out
     assert [p[0].text for p in (playlist.play() for _ in range(3)) if p] == ["a", "a", "way"]
 
 

@@ -48,6 +48,16 @@ class _Turn:
     start: int
 
 
+@dataclass(frozen=True)
+class Kept:
+    """All that a live generator had drawn and was told, to return to."""
+
+    states: tuple[State, ...]
+    chunks: tuple[Chunk, ...]
+    prompts: tuple[Prompt, ...]
+    turns: tuple[_Turn, ...]
+
+
 class LiveGenerator:
     """Motion without end, drawn by the network in the weights file at `path`; the same for the same seed, prompts and
     frames at which they came. Raises WeightsError, ModuleNotFoundError."""
@@ -137,6 +147,15 @@ class LiveGenerator:
         steer.require_within(self.area)
         start = self._go_back(at_frame)
         self._turns = [*(t for t in self._turns if t.start < start), _Turn(steer, start)]
+
+    def kept(self) -> Kept:
+        """What `return_to` needs."""
+        return Kept(tuple(self._states), tuple(self._chunks), tuple(self._prompts), tuple(self._turns))
+
+    def return_to(self, kept: Kept) -> None:
+        """Be as it was then: what was said and drawn since has not been."""
+        self._states, self._chunks = list(kept.states), list(kept.chunks)
+        self._prompts, self._turns = list(kept.prompts), list(kept.turns)
 
     def next_chunk(self) -> Motion:
         """The next stretch, in the world, up to where something else is said; 30 frames a second."""

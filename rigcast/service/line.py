@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.generator import Familiarity
-from motiongen.live.generator import LiveGenerator
+from motiongen.live.generator import Kept, LiveGenerator
 from motiongen.live.steering import Steer
 from motiongen.motion import Motion, cut
 from retarget.incoming import joined
@@ -121,6 +121,8 @@ class Line:
         self._ends = [_End(0, Block(0, nothing, nothing, self._id(self.rest_pose[None]), "rest"), begun)]
         self._ends_before = self._ends  # the last block was made
         self._points = [_Point(0, generator.frame, self._opened, begun)]
+        self._kept = self._points, generator.kept()  # before something else was asked for
+        self._asked: list[tuple[str, float | None] | Steer] = []  # what, since then
         self._turn: _Point | None = None  # where something else begins; the last point is what it has seen
         self._pending: Motion | None = None  # drawn and not yet retargeted
         self._ready: list[_Step] = []  # of the next block
@@ -146,16 +148,18 @@ class Line:
     def say(self, text: str, playhead: int, *, seconds: float | None = None) -> Familiarity:
         """Do `text` as soon as that can be after the frame `playhead`; see `LiveGenerator.say`."""
         point, seen = self._after(playhead)
+        kept = self._points, self.generator.kept()
         found = self.generator.say(text, self._points[seen].drawn, seconds=seconds)
         if found.known:
-            self._turn_at(point, seen)
+            self._turn_at(point, seen, (text, seconds), kept)
         return found
 
     def steer(self, steer: Steer, playhead: int) -> None:
         """Steer from as soon after `playhead` as can be; see `LiveGenerator.steer`."""
         point, seen = self._after(playhead)
+        kept = self._points, self.generator.kept()
         self.generator.steer(steer, self._points[seen].drawn)
-        self._turn_at(point, seen)
+        self._turn_at(point, seen, steer, kept)
 
     def rest(self, playhead: int) -> Block:
         """The way to rest, which has passed already, from the first end of a block after `playhead`; then it idles."""
@@ -197,6 +201,20 @@ class Line:
     def forget(self) -> None:
         """The last block came too late, and what was admitted before it goes on to its end: see `take_way`."""
         self._ends = self._ends_before
+
+    def again(self, playhead: int) -> None:
+        """The last block came too late to take the place of what was admitted, and that goes on: what was asked for is
+        made once more, further ahead, as it is known by now how long that takes."""
+        self.forget()
+        asked = self._asked
+        self._points, kept = self._kept
+        self.generator.return_to(kept)
+        self._begin_anew(None)
+        for each in asked:
+            if isinstance(each, Steer):
+                self.steer(each, playhead)
+            else:
+                self.say(each[0], playhead, seconds=each[1])
 
     def take_way(self) -> Block:
         """The way to rest from the end of all that was admitted; behind it the rig idles, and is steered no more."""
@@ -256,8 +274,17 @@ class Line:
         seen = min(range(len(ahead)), key=lambda i: abs(ahead[i]))
         return point, seen
 
-    def _turn_at(self, point: _Point, seen: int) -> None:
-        """Go on from a point, with what retargeting had seen at another."""
+    def _turn_at(
+        self,
+        point: _Point,
+        seen: int,
+        asked: tuple[str, float | None] | Steer,
+        kept: tuple[list[_Point], Kept],
+    ) -> None:
+        """Go on from a point, with what retargeting had seen at another; `kept` from before it was `asked` for."""
+        if not self.changing:
+            self._kept, self._asked = kept, []
+        self._asked.append(asked)
         self._points = self._points[: seen + 1]
         self._begin_anew(point)
         self._asked_s = self._clock()

@@ -146,7 +146,11 @@ class LiveMaker(threading.Thread):
         rows = [Row(row, block.report_id, block.text) for row in block.qpos]
         way = tuple(Row(row, block.report_id, "rest") for row in block.way)
         if not self.playlist.put(rows, way, block.first):
-            self.line.forget()
+            with self.playlist.held() as playhead:
+                if self.playlist.ran_out:
+                    self.line.forget()
+                else:
+                    self.line.again(playhead)
         elif self.line.work.refused > self._refused:
             self._refused = self.line.work.refused
             self._give_up(f"the gate refused what was drawn ({self.line.work.why}); the rig eases to rest and goes on")

@@ -26,8 +26,7 @@ class Row:
 class Playlist:
     """Rows by number. One thread plays, one puts rows and may take back what was not played.
 
-    Where rows run out, or others come too late to take their place, the player takes the way to rest that came with the
-    last of them, and the maker is told so.
+    Where rows run out, the player takes the way to rest that came with the last of them, and the maker is told so.
     """
 
     def __init__(self) -> None:
@@ -58,11 +57,9 @@ class Playlist:
 
     def put(self, rows: list[Row], way: tuple[Row, ...], first: int | None = None) -> bool:
         """Add `rows` and the `way` to rest behind them, in the place of all from number `first` on, by default at the
-        end. False, and nothing is added, where rows had run out or the first has been played: see `take_ran_out`."""
+        end. False, and nothing changes, where rows had `ran_out` or the first has been played."""
         with self._changed:
-            if first is not None and first < self._next:
-                self._run_out()
-            if self._ran_out:
+            if self._ran_out or (first is not None and first < self._next):
                 return False
             while first is not None and self._next + len(self._rows) > first:
                 self._rows.pop()
@@ -74,15 +71,22 @@ class Playlist:
         """The row that is due and the one after it (or itself); None before the first rows."""
         with self._changed:
             if not self._rows and self._way:
-                self._run_out()
+                self._rows.extend(self._way)
+                self._way, self._ran_out = (), True
             if self._rows:
                 self._last = self._rows.popleft()
                 self._next += 1
             self._changed.notify_all()
             return None if self._last is None else (self._last, self._rows[0] if self._rows else self._last)
 
+    @property
+    def ran_out(self) -> bool:
+        """Whether rows ran out since `take_ran_out`."""
+        with self._changed:
+            return self._ran_out
+
     def take_ran_out(self) -> bool:
-        """Whether the way to rest was taken since the last call; what is put from then on follows it."""
+        """Whether rows ran out since the last call; what is put from then on follows the way to rest."""
         with self._changed:
             out, self._ran_out = self._ran_out, False
             return out
@@ -97,8 +101,3 @@ class Playlist:
         """Let whoever waits look again."""
         with self._changed:
             self._changed.notify_all()
-
-    def _run_out(self) -> None:
-        """The way to rest is what follows the rows."""
-        self._rows.extend(self._way)
-        self._way, self._ran_out = (), True
