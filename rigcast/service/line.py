@@ -33,7 +33,7 @@ FPS = 50.0  # frames a second on the wire
 MOTION_FPS = 30.0  # of human motion
 STEP = 3  # frames of human motion, 0.1 s, after each of which something else can begin
 BLOCK = 4  # steps that are gated together: a way to rest costs as much as 1 s of motion
-FIRST = 2  # steps of the first block of something else, which somebody waits for; those behind it grow by one each
+FIRST = 2  # steps of the first two blocks of something else, for which time is short; those behind grow by one each
 LOOK_AHEAD_S = 0.1  # that retargeting sees of what comes
 EACH = 3  # frames that go out of each solution: half the work, and no joint is anywhere else by more than 0.05 rad
 LEAD_S = 0.1  # at least, from what is said to the first frame that it can change
@@ -177,7 +177,7 @@ class Line:
         steps = self._stepped(self._ready, self._steps)
         qpos, marks = np.concatenate([step.qpos for step in steps]), list(accumulate(len(step.qpos) for step in steps))
         judging = self._second.submit(self._judged, point.moment, qpos, marks[:-1])
-        self._steps = min(len(steps) + 1, BLOCK)
+        self._steps = FIRST if asked_s is not None else min(len(steps) + 1, BLOCK)
         self._ready = self._stepped(steps[-1:], 1 + (self._steps if asked_s is None else 1))[1:]
         verdict = judging.result()
         if asked_s is not None:
