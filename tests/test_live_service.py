@@ -195,9 +195,9 @@ def test_the_gates_no_is_told_to_who_asked(stage: Stage, monkeypatch: pytest.Mon
     stage.go(0.3)
     limit = thresholds.THRESHOLDS["joint_speed"]
     monkeypatch.setitem(thresholds.THRESHOLDS, "joint_speed", replace(limit, limit=0.0))
-    stage.go(0.3)
+    stage.go(0.6)
     monkeypatch.undo()
-    stage.go(0.5)
+    stage.go(0.8)
     assert stage.events("a")[-1] == "rejected"
     assert "the gate refused what was drawn" in stage.publisher.told[-1][1].detail
     stage.check_smooth()
