@@ -42,7 +42,8 @@ AFTER = {
     "motiondiffuse": "after MotionDiffuse (Zhang et al. 2022): a cross-modality linear transformer that estimates the\n"
     "noise, its blocks styled by text and noise level ([motiondiffuse.md](motiondiffuse.md))",
     "diffusionphase": "after DiffusionPhase (Wan et al. 2023): a transformer that draws amplitudes, shifts and\n"
-    "offsets of periodic phases, and an auto-encoder that makes motion of them ([diffusionphase.md](diffusionphase.md))",
+    "offsets of periodic phases, and an auto-encoder that makes motion of them\n"
+    "([diffusionphase.md](diffusionphase.md))",
     "free": "the network of [mdm](model-card.md) with a layer less, trained only on motion that may be\n"
     "used commercially: CMU's clips, our own gestures, and what is composed of these",
 }
