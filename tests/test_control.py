@@ -81,7 +81,13 @@ def test_every_key_may_look_and_stop():
         assert (caller.name, request) == ("screen", Look("l"))
         screen.ask(Stop("a hand is in the way"))
         until(lambda: send.publisher.requests() or send.publisher.stopped)
-        until(lambda: send() or rig.poll(time.monotonic_ns()) or rig.watchdog.mode == "stopped")
+
+        def rig_stopped():
+            send()
+            rig.poll(time.monotonic_ns())
+            return rig.watchdog.mode == "stopped"
+
+        until(rig_stopped)
         assert rig.watchdog.reason == "stop: a hand is in the way (screen)"
         assert until(lambda: answered(screen)).event == "stopped"
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motions import FORWARD, flail, motion, skeleton, walk
+from motions import FORWARD, LEFT, motion, skeleton, walk
 
 from motiongen.evaluation.physical import low_toes, measure_physics, summarise
 from motiongen.motion import Motion
-from motiongen.rotation import axis_angle_to_quat
+from motiongen.rotation import axis_angle_to_quat, quat_mul
 from rigcast.pass_rate import pass_rate
 
 
@@ -102,8 +102,12 @@ def test_the_summary_is_the_mean_over_motions() -> None:
 
 
 def test_the_gate_is_that_of_say() -> None:
-    found = pass_rate([standing(1), flail(1, rate=10.0)], "puppet", mount="stand")
+    upright = standing(1)
+    turns = upright.joint_quat.copy()
+    turns[:, 0] = quat_mul(axis_angle_to_quat(LEFT, np.pi / 2), turns[:, 0])
+    lying = replace(upright, joint_quat=turns, root_pos=upright.root_pos * [1, 1, 0.2])
+    found = pass_rate([upright, lying], "puppet", mount="free")
     assert (found.motions, found.passed, found.rate, found.unreadable) == (2, 1, 0.5, ())
-    assert found.failures
+    assert "fall_tilt" in dict(found.failures)
     with pytest.raises(ValueError, match="no motions"):
         pass_rate([], "puppet")
