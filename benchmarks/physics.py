@@ -74,17 +74,19 @@ def motion_for(rig: Rig, mount: Mount) -> Trajectory:
 
 
 def bare(trajectory: Trajectory, rig: Rig, mount: Mount) -> None:
-    """The same steps and targets, in a loop that does nothing else."""
+    """The same steps, targets and way of the harness, in a loop that does nothing else."""
     scene = build_scene(rig, mount, trajectory.qpos[0])
     data = mujoco.MjData(scene.model)
     scene.place(data, trajectory.qpos[0])
     settle, per_frame = round(SETTLE / TIMESTEP), round(1 / trajectory.fps / TIMESTEP)
     joints = len(rig.joints)
     data.ctrl[:joints] = trajectory.joint_pos[0]
+    data.mocap_pos[:], data.mocap_quat[-1:] = trajectory.qpos[0, :3], trajectory.qpos[0, 3:7]
     for _ in range(settle):
         mujoco.mj_step(scene.model, data)
-    for target in trajectory.joint_pos:
-        data.ctrl[:joints] = target
+    for pose in trajectory.qpos:
+        data.ctrl[:joints] = pose[7:]
+        data.mocap_pos[:], data.mocap_quat[-1:] = pose[:3], pose[3:7]
         for _ in range(per_frame):
             mujoco.mj_step(scene.model, data)
 
