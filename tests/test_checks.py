@@ -110,3 +110,12 @@ def test_the_command_runs_trials(tmp_path, capsys):
     assert "1 of 1 trials passed (seed 0)" in capsys.readouterr().out
     assert main(["check", str(tmp_path / "t.npz"), "--trials", "-1"]) == 2
     assert "-1 trials" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seconds", [0.1, 1800])
+def test_a_tenth_of_a_second_and_half_an_hour_are_judged(tmp_path, seconds):
+    held = motion(seconds=seconds)
+    report, rollout = judge(held, make_rig(tmp_path, mount="stand"))
+    assert report.ok
+    assert len(rollout.qpos) == len(held)
+    np.testing.assert_allclose(rollout.torque[:, 0], TIP_MASS * GRAVITY * REACH, rtol=1e-3)
