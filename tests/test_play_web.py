@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 import socket
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
 from dataclasses import replace
+from io import StringIO
 
 import numpy as np
 import pytest
@@ -55,7 +57,7 @@ class Maker:
 
 
 @contextmanager
-def page(capfd, preview: Preview, **also) -> Iterator[str]:
+def page(preview: Preview, **also) -> Iterator[str]:
     """The address of a page that is served meanwhile."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -69,12 +71,12 @@ def page(capfd, preview: Preview, **also) -> Iterator[str]:
             failed.append(error)
 
     thread = threading.Thread(target=serve)
-    thread.start()
-    said = ""
-    while thread.is_alive() and "open http" not in said:
-        said += capfd.readouterr().err
+    with redirect_stderr(StringIO()) as said:  # capfd may lose what is written while it is read
+        thread.start()
+        while thread.is_alive() and "browser" not in said.getvalue():
+            time.sleep(0.01)
     try:
-        yield re.search(r"open (\S+) in a browser", said)[1]
+        yield re.search(r"open (\S+) in a browser", said.getvalue())[1]
     finally:
         stop.set()
         thread.join(30)
@@ -82,9 +84,9 @@ def page(capfd, preview: Preview, **also) -> Iterator[str]:
     assert failed == []
 
 
-def test_a_prompt_takes_the_place_of_what_is_shown_and_a_refused_one_does_not(rig, capfd):
+def test_a_prompt_takes_the_place_of_what_is_shown_and_a_refused_one_does_not(rig):
     maker = Maker(rig)
-    with page(capfd, made(rig, "stand"), say=maker) as address, web_client(address) as client:
+    with page(made(rig, "stand"), say=maker) as address, web_client(address) as client:
         client.wait(lambda c: "<b>stand</b>" in c.words())
         assert client.one("seconds")["max"] == pytest.approx(1.0)
         client.set("do", "swing")
@@ -108,10 +110,10 @@ def test_a_prompt_takes_the_place_of_what_is_shown_and_a_refused_one_does_not(ri
     assert maker.asked == [("swing", 3), ("fly", 3), ("throw", 3), ("<b>", 3)]
 
 
-def test_prompts_go_one_at_a_time_and_the_page_lives_meanwhile(rig, capfd):
+def test_prompts_go_one_at_a_time_and_the_page_lives_meanwhile(rig):
     maker = Maker(rig)
     maker.held = True
-    with page(capfd, made(rig, "stand"), say=maker) as address, web_client(address) as client:
+    with page(made(rig, "stand"), say=maker) as address, web_client(address) as client:
         client.wait(lambda c: "<b>stand</b>" in c.words())
         client.set("do", "swing")
         client.submit("Say it")
@@ -126,25 +128,25 @@ def test_prompts_go_one_at_a_time_and_the_page_lives_meanwhile(rig, capfd):
     assert maker.asked == [("swing", 0)]
 
 
-def test_what_fails_is_shown_where_that_is_wanted(rig, capfd):
-    with page(capfd, made(rig, "stand"), say=Maker(rig), unchecked=True) as address, web_client(address) as client:
+def test_what_fails_is_shown_where_that_is_wanted(rig):
+    with page(made(rig, "stand"), say=Maker(rig), unchecked=True) as address, web_client(address) as client:
         client.wait(lambda c: "<b>stand</b>" in c.words())
         client.set("do", "throw")
         client.submit("Say it")
         client.wait(lambda c: "<b>throw</b></p>" in c.words() and ">fail</b>" in c.words())
 
 
-def test_a_file_has_no_line_to_type(rig, capfd):
-    with page(capfd, made(rig, "stand")) as address, web_client(address) as client:
+def test_a_file_has_no_line_to_type(rig):
+    with page(made(rig, "stand")) as address, web_client(address) as client:
         client.wait(lambda c: "<b>stand</b>" in c.words())
         assert not any("Text" in c["type"] or "Form" in c["type"] for c in client.controls.values())
 
 
 @pytest.mark.skipif(chromium() is None, reason="needs Chromium on the path or named by CHROMIUM")
-def test_in_a_browser_a_prompt_is_typed_the_rig_moves_and_a_refusal_is_read(rig, capfd, monkeypatch):
+def test_in_a_browser_a_prompt_is_typed_the_rig_moves_and_a_refusal_is_read(rig, monkeypatch):
     # Light from a picture looks better, but OpenGL in software takes 15 s to prepare it.
     monkeypatch.setattr("viser.SceneApi.configure_environment_map", lambda *args, **kwargs: None)
-    with page(capfd, made(rig, "stand"), say=Maker(rig)) as address, browser(chromium(), (1150, 450)) as tab:
+    with page(made(rig, "stand"), say=Maker(rig)) as address, browser(chromium(), (1150, 450)) as tab:
         tab.open(address)
         tab.wait("stand")
         tab.click(FIELD)
