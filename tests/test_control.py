@@ -69,6 +69,21 @@ def test_a_key_that_may_say_is_heard_by_name_and_others_are_told_why_not():
         assert until(lambda: answered(phone)) == Told("p", "queued")
 
 
+def test_who_vanishes_in_the_middle_is_nobodys_trouble():
+    address = free_address()
+    with sending(HOST, address) as send, lines(address, SCREEN) as [screen]:
+        with lines(address, PHONE) as [phone]:
+            phone.ask(Say("p", "wave", sender="owner"))
+            [(caller, _)] = until(send.publisher.requests)
+        for _ in range(2000):  # more than wait in a socket
+            send.publisher.tell(caller, Told("p", "playing"))
+        before = send.publisher.hello
+        send()
+        screen.ask(Look("l"))
+        [(other, request)] = until(send.publisher.requests)
+        assert (other.name, request, send.publisher.hello) == ("screen", Look("l"), before)
+
+
 def test_every_key_may_look_and_stop():
     address = free_address()
     with (
