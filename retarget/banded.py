@@ -1,6 +1,7 @@
-"""Normal equations of a trajectory: a block for every frame, and diagonal blocks between frames up to two apart.
+"""Linear equations over the frames of a trajectory in which each frame is tied to the next two only.
 
-Stored as LAPACK's lower band, `band[t, j, d]` = A[n t + j + d, n t + j], so that every frame costs the same.
+Banded Cholesky factorisation solves them in time that grows with the number of frames, not with its cube. Memory is in
+LAPACK's lower band, `band[n t + j, d]` = A[n t + j + d, n t + j].
 """
 
 from __future__ import annotations
@@ -8,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from motiongen.rotation import Array
+from retarget import loops
+from retarget.loops import Flags, Indices
 
 REACH = 2  # frames: a second difference spans three
 SECOND = np.array([1.0, -2.0, 1.0])
@@ -18,11 +21,10 @@ class Equations:
     """The x (T, n) that minimises a sum of squares: each frame's own, and those of differences between frames."""
 
     def __init__(self, curvature: Array, gradient: Array) -> None:
-        """Start with each frame's ½ xᵀ `curvature` x + `gradient` x: (T, n, n), symmetric, and (T, n)."""
-        frames, self.size = gradient.shape
-        self.band = np.zeros((frames, self.size, REACH * self.size + 1))
-        for j in range(self.size):
-            self.band[:, j, : self.size - j] = curvature[:, j:, j]
+        """Start with each frame's ½ xᵀ `curvature` x + `gradient` x: (T, n, n), its lower half, and (T, n)."""
+        frames, size = gradient.shape
+        self.curvature = curvature
+        self.across = np.zeros((frames, REACH + 1, size))  # what ties an unknown to itself, so many frames on
         self.downhill = -gradient
 
     def add_differences(self, stencil: Array, weight: Array, value: Array) -> None:
@@ -35,19 +37,34 @@ class Equations:
         for i, a in enumerate(stencil):
             self.downhill[i : i + count] -= a * pull
             for j, b in enumerate(stencil[: i + 1]):
-                self.band[j : j + count, :, (i - j) * self.size] += a * b * weight
+                self.across[j : j + count, i - j] += a * b * weight
 
     def solved(self, known: int, damping: Array) -> Array:
         """x (T, n), its first `known` frames held at zero and `damping` (T, n) added to the diagonal.
 
-        Good for one call: the band is factored in place.
-
-        Raises numpy.linalg.LinAlgError where the matrix is not positive definite.
+        Unknowns that nothing ties to the others, as the joints of an arm that touches nothing, are solved for apart:
+        the band is as much narrower. Raises numpy.linalg.LinAlgError where the matrix is not positive definite.
         """
-        from scipy.linalg import solveh_banded
+        from scipy.linalg.lapack import dpbsv
 
-        band = self.band[known:].reshape(-1, self.band.shape[-1])  # leading columns are leading unknowns
-        band[:, 0] += damping[known:].ravel()
-        downhill = self.downhill[known:].ravel()
-        x = solveh_banded(band.T, downhill, overwrite_ab=True, lower=True, check_finite=False)
-        return np.concatenate([np.zeros((known, self.size)), x.reshape(-1, self.size)])
+        x = np.zeros_like(self.downhill)
+        for part in _parts(loops.ties(self.curvature)):
+            band = loops.band_of(self.curvature, self.across, damping, known, part)
+            _, found, wrong = dpbsv(band.T, self.downhill[known:, part].ravel(), lower=1, overwrite_ab=1, overwrite_b=1)
+            if wrong:
+                raise np.linalg.LinAlgError(f"the equations of {len(x)} frames are not positive definite")
+            x[known:, part] = found.reshape(-1, len(part))
+        return x
+
+
+def _parts(ties: Flags) -> list[Indices]:
+    """Unknowns that are tied to each other by `ties` (n, n), directly or by way of others."""
+    left, out = np.ones(len(ties), bool), []
+    while left.any():
+        part, grown = np.zeros(len(ties), bool), np.arange(len(ties)) == np.argmax(left)
+        while (part != grown).any():
+            part = grown
+            grown = part | ties[part].any(0)
+        out.append(np.flatnonzero(part))
+        left &= ~part
+    return out

@@ -19,8 +19,9 @@ from retarget.contacts import Flags
 from retarget.footing import Footing, Ground, footed, standing
 from retarget.goals import ROOT, Goal, goals, leg_scale, root_goal
 from retarget.incoming import HALF, Incoming, taken
-from retarget.kinematics import moved, on_body, poses
+from retarget.kinematics import on_body, poses
 from retarget.limits import Limits, limits_of, next_within
+from retarget.loops import differences, moved
 from retarget.model import load_model
 from retarget.rest import Rest, rest_of
 from retarget.retarget import checked_mount, lowest, nominal_qpos
@@ -28,7 +29,7 @@ from retarget.rig import Mount, Rig
 from retarget.timeline import eased
 from retarget.tracking import Places, Turns, targets_of
 from retarget.whole import SMOOTH, firmed
-from retarget.window import Problem, Window, differences, followed, problem_of
+from retarget.window import Problem, Window, followed, problem_of
 
 LEAD = 1.0  # s in which the goals go over from the nominal pose to the motion
 STEPS = 2  # of Gauss-Newton a frame; it starts from the frame before's solution

@@ -12,9 +12,11 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
+from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate
+from retarget import loops
 from retarget.goals import Goal
-from retarget.kinematics import Indices, Poses, Tree, on_body, twists
+from retarget.kinematics import Poses, Tree, on_body
+from retarget.loops import Indices
 from retarget.rest import is_site
 from retarget.rig import Rig
 
@@ -102,31 +104,19 @@ def reached(places: Places, at: Poses) -> tuple[Array, Array]:
 
 def angles(turns: Turns, at: Poses) -> Array:
     """(T, k, 3) rotation vectors in the world, from how the bodies should be turned to how they are."""
-    wanted = quat_mul(at.turn[:, turns.base], turns.turn)
-    return quat_to_rotvec(quat_mul(at.turn[:, turns.body], quat_conj(wanted)))
+    return loops.turns_off(at.turn, turns.body, turns.base, np.ascontiguousarray(turns.turn))
 
 
-def linearised(
+def pulls(
     tree: Tree, places: Places, turns: Turns, at: Poses, points: Array, off: Array, turned: Array
 ) -> tuple[Array, Array]:
-    """Jacobian (T, nv, n), transposed, and value (T, n) of what is squared: `off`, as `reached` gives it with `points`,
-    and `turned`, as `angles` gives it, each times the root of its weight.
-
-    A degree of freedom turns by `w` and moves what is at the origin by `v`, so a point p by w × p + v: for all points
-    and turns one product with (w, v).
+    """Half the weighted squares of `off`, as `reached` gives it with `points`, and of `turned`, as `angles` gives it:
+    by Gauss-Newton the lower half of their curvature (T, nv, nv), and their gradient (T, nv).
     """
-    near, alike = np.sqrt(places.weight), np.sqrt(turns.weight)
-    held, faced = near.shape[1], alike.shape[1]
-    x, y, z = np.moveaxis(points * near[..., None], -1, 0)
-    motion = np.zeros((len(off), 6, held + faced, 3))
-    motion[:, 0, :held, 1], motion[:, 0, :held, 2] = -z, y
-    motion[:, 1, :held, 0], motion[:, 1, :held, 2] = z, -x
-    motion[:, 2, :held, 0], motion[:, 2, :held, 1] = -y, x
-    for k in range(3):
-        motion[:, k, held:, k] = alike
-        motion[:, 3 + k, :held, k] = near
-    carried = np.concatenate([tree.carries[of.body] - tree.carries[of.base] for of in (places, turns)])
-    rows = twists(at) @ motion.reshape(len(off), 6, -1)
-    rows *= np.repeat(carried.T, 3, axis=1)
-    value = np.concatenate([near[..., None] * off, alike[..., None] * turned], axis=1)
-    return rows, value.reshape(len(off), -1)
+    frames, nv = len(off), tree.carries.shape[1]
+    curvature, gradient = np.zeros((frames, nv, nv)), np.zeros((frames, nv))
+    for of, where, miss in ((places, points, off), (turns, points[:0], turned)):
+        carried = tree.carries[of.body] - tree.carries[of.base]
+        weight = np.ascontiguousarray(of.weight)
+        loops.add_pulls(at.axis, at.anchor, carried, where, miss, weight, curvature, gradient)
+    return curvature, gradient

@@ -10,19 +10,20 @@ frames wide, so that cost grows linearly with length.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import mujoco
 import numpy as np
 
-from motiongen.rotation import Array, quat_conj, quat_mul, quat_to_rotvec
+from motiongen.rotation import Array
+from retarget import loops
 from retarget.banded import FIRST, SECOND, Equations
-from retarget.contacts import Flags
-from retarget.kinematics import ROOT_DOFS, Indices, Poses, Tree, along, moved, on_body, poses, tree_of
+from retarget.kinematics import ROOT_DOFS, Meetings, Poses, Tree, meetings, on_body, poses, tree_of
+from retarget.loops import Flags, Indices, differences, moved
 from retarget.rig import Rig
-from retarget.springs import Springs, add_springs
-from retarget.tracking import Places, Turns, angles, linearised, reached
+from retarget.springs import Springs
+from retarget.tracking import Places, Turns, angles, pulls, reached
 
 LEAST_SMOOTH = 0.5  # frames, where they are far apart
 POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave open
@@ -43,14 +44,14 @@ SHORT = 0.1  # rad (or root heights): after a step of less, bodies meet where th
 
 @dataclass(frozen=True)
 class Problem:
-    """What a rig brings to every window. `wary` is the `tree` with bodies that notice each other. `nominal` (nj,) rad;
+    """What a rig brings to every window. `wary` is the model with bodies that notice each other. `nominal` (nj,) rad;
     `even` (nv,) brings second differences of metres and radians to one scale; of the joints, `reach` (2, nj) rad and
     `speed` (nj,) rad/s. `soles`: body (s,) and point (s, 3), kept above the floor. `gaps` (nbody, nbody) are the metres
     that two bodies stay apart. `size` is the nominal root height in metres.
     """
 
     tree: Tree
-    wary: Tree
+    wary: mujoco.MjModel
     nominal: Array
     even: Array
     reach: Array
@@ -85,6 +86,7 @@ class State:
 
     qpos: Array
     at: Poses
+    met: Meetings
     points: Array
     off: Array
     turned: Array
@@ -118,20 +120,21 @@ def problem_of(rig: Rig, model: mujoco.MjModel, start: Array, *, fixed_root: boo
 
 
 @lru_cache(maxsize=8)
-def _wary(model: mujoco.MjModel, gap: float) -> Tree:
-    """The tree of a copy of `model` (which takes as long as to solve a second) whose geoms notice each other from twice
-    the `gap` on; MuJoCo adds the margins of both.
+def _wary(model: mujoco.MjModel, gap: float) -> mujoco.MjModel:
+    """A copy of `model` (which takes as long as to solve a second) whose geoms notice each other from twice the `gap`
+    on; MuJoCo adds the margins of both. Of what touches over an area one point is enough.
     """
     model = copy(model)
     model.geom_margin[:] = gap
-    return tree_of(model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+    return model
 
 
-def _gaps(tree: Tree, start: Array, usual: float) -> Array:
+def _gaps(wary: mujoco.MjModel, start: Array, usual: float) -> Array:
     """(nbody, nbody) metres that two bodies are to stay apart: `usual`, or what they are in the configuration `start`
     (nq,) where that is less."""
-    out = np.full((len(tree.carries), len(tree.carries)), usual)
-    met = poses(tree, start[None]).meetings
+    out = np.full((wary.nbody, wary.nbody), usual)
+    met = meetings(wary, start[None])
     for bodies in (met.bodies, met.bodies[:, ::-1]):
         np.minimum.at(out, tuple(bodies.T), met.apart)
     return out
@@ -179,11 +182,12 @@ def _stepped(problem: Problem, window: Window, state: State, damping: float, rou
     Ranges are kept by projection (Bertsekas 1982): what is at its end and would go further sits out a step, and what
     arrives there stops. Which springs push at the end of the step is found by taking it up to `rounds` times.
     """
-    pulls, springs = _pulls(problem, window, state), _springs(problem, state)
+    pull, springs = _pull(problem, window, state), _springs(problem, state)
     pushing, speeding = now = springs.room < 0, _speeding(problem, window, state.rate)
     for _ in range(rounds):
         solved_for = pushing, speeding
-        equations = _equations(problem, window, state, pulls, springs.of(pushing), speeding)
+        pushed = springs.added(*pull, pushing, STIFF / problem.size**2)
+        equations = _equations(problem, window, state, pushed, speeding)
         downhill = equations.downhill
         frozen = _frozen(problem, state.qpos, downhill)
         step = np.where(frozen, 0.0, equations.solved(window.known, np.where(frozen, HELD, damping)))
@@ -194,7 +198,7 @@ def _stepped(problem: Problem, window: Window, state: State, damping: float, rou
         hasty = _excess(problem, window, rate, speeding - solved_for[1]) / (problem.speed * window.step)
         if longest.max() > LEAP or not (amiss.any() or (np.abs(hasty) > SLIGHT).any()):
             break
-    strain = [_strain(problem, window, state, springs.of(push), way) for push, way in (now, solved_for)]
+    strain = [_strain(problem, window, state, springs.room[push], way) for push, way in (now, solved_for)]
     promised = float((downhill * step).sum()) + strain[0] - strain[1]
     step *= LEAP / np.maximum(longest, LEAP)
     return _in_reach(problem, moved(state.qpos, step)), promised, float(longest.max())
@@ -221,16 +225,15 @@ def _smooth(problem: Problem, window: Window) -> Array:
 
 def _state(problem: Problem, window: Window, qpos: Array, last: State | None = None) -> State:
     """The state at `qpos` (T, nq). Bodies meet where they did in the `last` one, or else are looked at."""
-    at = poses(problem.wary if last is None else problem.tree, qpos)
-    if last is not None:
-        at = replace(at, meetings=last.at.meetings.carried(last.at, at))
+    at = poses(problem.tree, qpos)
+    met = meetings(problem.wary, qpos) if last is None else last.met.carried(last.at, at)
     points, off = reached(window.places, at)
     turned = angles(window.turns, at)
     change = differences(qpos)
     bend, rate = np.diff(change, axis=0), change[:, ROOT_DOFS:]
     soles = on_body(at, *problem.soles)
     over = soles[..., 2] + SLACK * problem.size
-    room = at.meetings.apart - problem.gaps[*at.meetings.bodies.T]
+    room = met.apart - problem.gaps[*met.bodies.T]
     fast = _excess(problem, window, rate, _speeding(problem, window, rate))
     cost = (
         (window.places.weight * (off**2).sum(-1)).sum()
@@ -240,27 +243,29 @@ def _state(problem: Problem, window: Window, qpos: Array, last: State | None = N
         + SPEEDING * (fast**2).sum()
         + STIFF / problem.size**2 * ((np.minimum(over, 0.0) ** 2).sum() + (np.minimum(room, 0.0) ** 2).sum())
     )
-    return State(qpos, at, points, off, turned, bend, rate, soles, over, room, float(cost))
+    return State(qpos, at, met, points, off, turned, bend, rate, soles, over, room, float(cost))
 
 
-def _pulls(problem: Problem, window: Window, state: State) -> tuple[Array, Array]:
-    """Half the squares of what pulls at each frame of `state`: curvature (T, nv, nv) and gradient (T, nv)."""
-    rows, value = linearised(problem.tree, window.places, window.turns, state.at, state.points, state.off, state.turned)
-    curvature, gradient = rows @ rows.swapaxes(1, 2), (rows @ value[..., None])[..., 0]
-    joints = np.arange(ROOT_DOFS, curvature.shape[1])
-    curvature[:, joints, joints] += POSTURE**2
-    gradient[:, joints] += POSTURE**2 * (state.qpos[:, 7:] - problem.nominal)
+def _pull(problem: Problem, window: Window, state: State) -> tuple[Array, Array]:
+    """Half the squares of what pulls at each frame of `state`: curvature (T, nv, nv), its lower half, and gradient
+    (T, nv).
+    """
+    at = state.at, state.points, state.off, state.turned
+    curvature, gradient = pulls(problem.tree, window.places, window.turns, *at)
+    np.einsum("tii->ti", curvature)[:, ROOT_DOFS:] += POSTURE**2
+    gradient[:, ROOT_DOFS:] += POSTURE**2 * (state.qpos[:, 7:] - problem.nominal)
     return curvature, gradient
 
 
 def _springs(problem: Problem, state: State) -> Springs:
     """Those of soles that are near the floor and of bodies that are near each other."""
-    carries, met = problem.tree.carries, state.at.meetings
+    carries, met, at = problem.tree.carries, state.met, state.at
     frame, sole = np.nonzero(state.over < 2 * GAP * problem.size)
-    up = np.broadcast_to([0.0, 0.0, 1.0], (len(frame), 3))
-    rows = along(state.at, frame, state.soles[frame, sole], up) * carries[problem.soles[0][sole]]
+    up, point = np.tile([0.0, 0.0, 1.0], (len(frame), 1)), state.soles[frame, sole]
+    rows = loops.along(at.axis, at.anchor, frame, point, up, carries[problem.soles[0][sole]])
     soles = Springs(frame, rows, state.over[frame, sole])
-    rows = along(state.at, met.frame, met.place, met.normal) * (carries[met.bodies[:, 1]] - carries[met.bodies[:, 0]])
+    carried = carries[met.bodies[:, 1]] - carries[met.bodies[:, 0]]
+    rows = loops.along(at.axis, at.anchor, met.frame, met.place, met.normal, carried)
     return soles.and_those(Springs(met.frame, rows, state.room))
 
 
@@ -270,14 +275,12 @@ def _speeding(problem: Problem, window: Window, rate: Array) -> Array:
 
 
 def _equations(
-    problem: Problem, window: Window, state: State, pulls: tuple[Array, Array], springs: Springs, speeding: Array
+    problem: Problem, window: Window, state: State, pushed: tuple[Array, Array], speeding: Array
 ) -> Equations:
-    """Half the squares of `state`, each linear in the step of the configurations, if these `springs` push and joints
-    are slowed down that are `speeding`.
+    """Half the squares of `state`, each linear in the step of the configurations: those of a frame as `pushed`, and if
+    joints are slowed down that are `speeding`.
     """
-    curvature, gradient = (part.copy() for part in pulls)
-    add_springs(curvature, gradient, springs, STIFF / problem.size**2)
-    out = Equations(curvature, gradient)
+    out = Equations(*pushed)
     out.add_differences(SECOND, _smooth(problem, window), state.bend)
     if speeding.any():
         still = np.zeros((len(speeding), ROOT_DOFS))
@@ -291,13 +294,7 @@ def _excess(problem: Problem, window: Window, rate: Array, speeding: Array) -> A
     return np.abs(speeding) * rate - speeding * problem.speed * window.step
 
 
-def _strain(problem: Problem, window: Window, state: State, springs: Springs, speeding: Array) -> float:
-    """What these `springs` cost at `state`, and the joints that are `speeding`."""
+def _strain(problem: Problem, window: Window, state: State, room: Array, speeding: Array) -> float:
+    """What springs cost at `state` that push with this `room` (n,), and the joints that are `speeding`."""
     fast = _excess(problem, window, state.rate, speeding)
-    return float(STIFF / problem.size**2 * (springs.room**2).sum() + SPEEDING * (fast**2).sum())
-
-
-def differences(qpos: Array) -> Array:
-    """(T − 1, nv) from one frame to the next: what mj_differentiatePos does for a step of 1 s."""
-    turn = quat_to_rotvec(quat_mul(quat_conj(qpos[:-1, 3:7]), qpos[1:, 3:7]))
-    return np.concatenate([np.diff(qpos[:, :3], axis=0), turn, np.diff(qpos[:, 7:], axis=0)], axis=1)
+    return float(STIFF / problem.size**2 * (room**2).sum() + SPEEDING * (fast**2).sum())

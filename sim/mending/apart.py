@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from motiongen.rotation import Array
 from retarget.banded import SECOND, Equations
-from retarget.kinematics import ROOT_DOFS, Meetings, poses, tree_of, velocities
+from retarget.kinematics import ROOT_DOFS, Meetings, meetings, poses, tree_of, velocities
 from retarget.model import load_model
 from retarget.rig import Rig
 from sim.thresholds import limit_for
@@ -42,19 +42,19 @@ def pushed_apart(rig: Rig, qpos: Array, fps: float, gives: NDArray[np.bool_]) ->
     gap = model.geom_margin[:] = CLEAR * rig.nominal.height
     tree, columns = tree_of(model), np.flatnonzero(gives)
     low, high = (np.array([getattr(j, end) for j in rig.joints])[columns] for end in ("lower", "upper"))
-    at = poses(tree, qpos)
-    before = _overlap(at.meetings)
-    touching = len(np.unique(at.meetings.frame[at.meetings.apart < 0])) / len(qpos)
+    at, found = poses(tree, qpos), meetings(model, qpos)
+    before = _overlap(found)
+    touching = len(np.unique(found.frame[found.apart < 0])) / len(qpos)
     if before <= limit_for("self_collision", rig) and touching <= limit_for("self_contact", rig):
         return Apart(qpos, before, before)
     meet = np.zeros((model.nbody, model.nbody), bool)
-    meet[tuple(at.meetings.bodies[at.meetings.apart < 0].T)] = True
+    meet[tuple(found.bodies[found.apart < 0].T)] = True
     meet |= meet.T
 
     out, added, dofs = qpos.copy(), np.zeros((len(qpos), len(columns))), columns + ROOT_DOFS
     for _ in range(ROUNDS):
-        near = (at.meetings.apart < gap) & meet[tuple(at.meetings.bodies.T)]
-        met = at.meetings.of(np.flatnonzero(near))
+        near = (found.apart < gap) & meet[tuple(found.bodies.T)]
+        met = found.of(np.flatnonzero(near))
         lacks = (met.apart - gap) / rig.nominal.height
         rows = (velocities(at, dofs, met.place[:, None], met.frame) @ met.normal[..., None])[..., 0]
         rows *= (tree.carries[met.bodies[:, 1]] - tree.carries[met.bodies[:, 0]])[:, dofs] / rig.nominal.height
@@ -67,10 +67,10 @@ def pushed_apart(rig: Rig, qpos: Array, fps: float, gives: NDArray[np.bool_]) ->
         then = np.clip(qpos[:, 7 + columns] + then, low, high) - qpos[:, 7 + columns]
         change, added = float(np.abs(then - added).max(initial=0.0)), then
         out[:, 7 + columns] = qpos[:, 7 + columns] + added
-        at = poses(tree, out)
-        if _overlap(at.meetings) == 0 or change < WORTH:
+        at, found = poses(tree, out), meetings(model, out)
+        if _overlap(found) == 0 or change < WORTH:
             break
-    return Apart(out, before, _overlap(at.meetings))
+    return Apart(out, before, _overlap(found))
 
 
 def _overlap(met: Meetings) -> float:
