@@ -10,7 +10,6 @@ import numpy as np
 
 from motiongen.rotation import Array
 from retarget import loops
-from retarget.loops import Flags, Indices
 
 REACH = 2  # frames: a second difference spans three
 SECOND = np.array([1.0, -2.0, 1.0])
@@ -48,7 +47,9 @@ class Equations:
         from scipy.linalg.lapack import dpbsv
 
         x = np.zeros_like(self.downhill)
-        for part in _parts(loops.ties(self.curvature)):
+        parts = loops.parts(self.curvature)
+        for first in np.unique(parts):
+            part = np.flatnonzero(parts == first)
             band = loops.band_of(self.curvature, self.across, damping, known, part)
             _, found, wrong = dpbsv(band.T, self.downhill[known:, part].ravel(), lower=1, overwrite_ab=1, overwrite_b=1)
             if wrong:
@@ -56,15 +57,3 @@ class Equations:
             x[known:, part] = found.reshape(-1, len(part))
         return x
 
-
-def _parts(ties: Flags) -> list[Indices]:
-    """Unknowns that are tied to each other by `ties` (n, n), directly or by way of others."""
-    left, out = np.ones(len(ties), bool), []
-    while left.any():
-        part, grown = np.zeros(len(ties), bool), np.arange(len(ties)) == np.argmax(left)
-        while (part != grown).any():
-            part = grown
-            grown = part | ties[part].any(0)
-        out.append(np.flatnonzero(part))
-        left &= ~part
-    return out

@@ -7,7 +7,7 @@ arrays: axis × (point − anchor), and axis for the rotation. Where bodies meet
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import mujoco
@@ -44,6 +44,9 @@ class Meetings:
     def of(self, which: Indices) -> Meetings:
         """Those at the indices `which`."""
         return Meetings(self.frame[which], self.bodies[which], self.apart[which], self.normal[which], self.place[which])
+
+    def and_those(self, more: Meetings) -> Meetings:
+        return Meetings(*(np.concatenate([getattr(m, f.name) for m in (self, more)]) for f in fields(self)))
 
     def carried(self, before: Poses, after: Poses, later: int = 0) -> Meetings:
         """The same, found at the poses `before`, at nearby poses `after`, `later` frames on: the two points stay on
@@ -93,12 +96,12 @@ def poses(tree: Tree, qpos: Array) -> Poses:
     return Poses(*loops.forward(tree.bones, np.ascontiguousarray(qpos, float)))
 
 
-def meetings(model: mujoco.MjModel, qpos: Array, every: int = 1) -> Meetings:
-    """Where bodies meet within the margins of the geoms of `model`, in one of `every` so many configurations of `qpos`
-    (T, nq).
+def meetings(model: mujoco.MjModel, qpos: Array, frames: Indices | None = None) -> Meetings:
+    """Where bodies meet within the margins of the geoms of `model`, in the configurations `qpos` (T, nq): in all of
+    them, or in those of `frames`.
     """
     data, met = _workspace(model, threading.get_ident()), []
-    for frame in range(0, len(qpos), every):
+    for frame in range(len(qpos)) if frames is None else frames:
         data.qpos[:] = qpos[frame]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)

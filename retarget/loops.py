@@ -271,15 +271,22 @@ def after(frame: Indices, rows: Array, room: Array, step: Array) -> Array:
 
 
 @compiled
-def ties(curvature: Array) -> Flags:
-    """(nv, nv) which unknowns the lower half of `curvature` (T, nv, nv) ties to each other in any frame."""
+def parts(curvature: Array) -> Indices:
+    """(nv,) the first of the unknowns that each is tied to by the lower half of `curvature` (T, nv, nv) in any frame,
+    directly or by way of others.
+    """
     size = curvature.shape[1]
-    out = np.zeros((size, size), np.bool_)
+    out = np.arange(size)
     for d in range(size):
-        for e in range(d + 1):
+        for e in range(d):
+            if out[e] == out[d]:
+                continue
             for t in range(len(curvature)):
                 if curvature[t, d, e] != 0:
-                    out[d, e] = out[e, d] = True
+                    one, other = min(out[d], out[e]), max(out[d], out[e])
+                    for i in range(size):
+                        if out[i] == other:
+                            out[i] = one
                     break
     return out
 

@@ -69,10 +69,12 @@ def firmed(goals: dict[str, Goal], planted: dict[str, Flags]) -> list[Goal]:
 def _window(problem: Problem, places: Places, turns: Turns, guess: Array, before: Array, end: int, fps: float) -> Array:
     """Frames len(before) … end, first every COARSE seconds, then all of them from there."""
     start, qpos = len(before), guess[len(before) : end]
-    for every, steps in ((max(1, round(COARSE * fps)), COARSE_STEPS), (1, FINE_STEPS)):
+    import os
+    for t, steps, gain in eval(os.environ.get("LADDER","((0.4,30,.02),(0.1,30,.02),(0.02,6,.02))")):
+        every = max(1, round(t*fps))
         past = before[::-1][every - 1 :: every][:REACH][::-1]
         frames = slice(start - len(past) * every, end, every)
-        part = Window(places.at(frames), turns.at(frames), len(past), every / fps, SMOOTH)
+        part = Window(places.at(frames), turns.at(frames), len(past), every / fps, SMOOTH, gain)
         found = solved(problem, part, np.concatenate([past, qpos[::every]]), steps)[len(past) :]
         qpos = _spread(found, every, end - start)
     return qpos

@@ -36,7 +36,8 @@ GAIN = 0.02  # a step that promises to gain a smaller share of the cost is the l
 UPHILL, PATIENCE = 2.0, 3  # times the lowest cost so far, that it may be after a step; for how many steps
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
-DAMPING = 1e-4
+import os
+DAMPING = float(os.environ.get("DAMP","1e-4"))
 ROUNDS = 3  # in which to find the springs that push after a step, at most
 SLIGHT = 0.1  # of a gap, or of a speed: springs that are out by less are not asked again
 SHORT = 0.1  # rad (or root heights): after a step of less, bodies meet where they did
@@ -73,6 +74,7 @@ class Window:
     known: int
     step: float
     smooth: float
+    gain: float = GAIN
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,7 @@ class State:
     over: Array
     room: Array
     cost: float
+    since: Array
 
 
 def problem_of(rig: Rig, model: mujoco.MjModel, start: Array, *, fixed_root: bool, grounded: bool) -> Problem:
@@ -150,14 +153,14 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
     state = best = _state(problem, window, _in_reach(problem, qpos))
     for _ in range(steps):
         stepped, promised, longest = _stepped(problem, window, state, damping, ROUNDS)
-        if promised < GAIN * state.cost and longest < SHORT:
+        if promised < window.gain * state.cost and longest.max() < SHORT:
             return stepped
-        tried = _state(problem, window, stepped, state if longest < SHORT else None)
+        tried = _state(problem, window, stepped, state, longest)
         if tried.cost > UPHILL * best.cost:
             damping *= 30
             continue
         state, damping = tried, max(damping / 10, DAMPING)
-        waited = 0 if state.cost < (1 - GAIN) * best.cost else waited + 1
+        waited = 0 if state.cost < (1 - window.gain) * best.cost else waited + 1
         best = min(state, best, key=lambda s: s.cost)
         if waited == PATIENCE:
             break
@@ -171,11 +174,11 @@ def followed(problem: Problem, window: Window, qpos: Array, steps: int) -> Array
     state = _state(problem, window, _in_reach(problem, qpos))
     for _ in range(steps - 1):
         stepped, _, longest = _stepped(problem, window, state, DAMPING, 1)
-        state = _state(problem, window, stepped, state if longest < SHORT else None)
+        state = _state(problem, window, stepped, state, longest)
     return _stepped(problem, window, state, DAMPING, 1)[0]
 
 
-def _stepped(problem: Problem, window: Window, state: State, damping: float, rounds: int) -> tuple[Array, float, float]:
+def _stepped(problem: Problem, window: Window, state: State, damping: float, rounds: int) -> tuple[Array, float, Array]:
     """The configurations a step on, how much less that costs if all is as linear as here, and how far the step goes at
     most (rad, or root heights).
 
@@ -201,7 +204,7 @@ def _stepped(problem: Problem, window: Window, state: State, damping: float, rou
     strain = [_strain(problem, window, state, springs.room[push], way) for push, way in (now, solved_for)]
     promised = float((downhill * step).sum()) + strain[0] - strain[1]
     step *= LEAP / np.maximum(longest, LEAP)
-    return _in_reach(problem, moved(state.qpos, step)), promised, float(longest.max())
+    return _in_reach(problem, moved(state.qpos, step)), promised, longest[:, 0]
 
 
 def _in_reach(problem: Problem, qpos: Array) -> Array:
@@ -223,10 +226,18 @@ def _smooth(problem: Problem, window: Window) -> Array:
     return problem.even * max(window.smooth / window.step, LEAST_SMOOTH) ** 4
 
 
-def _state(problem: Problem, window: Window, qpos: Array, last: State | None = None) -> State:
+def _state(problem: Problem, window: Window, qpos: Array, last: State | None = None, longest: Array | None = None) -> State:
     """The state at `qpos` (T, nq). Bodies meet where they did in the `last` one, or else are looked at."""
     at = poses(problem.tree, qpos)
-    met = meetings(problem.wary, qpos) if last is None else last.met.carried(last.at, at)
+    if last is None:
+        met, since = _met(problem, window, qpos, at), np.zeros(len(qpos))
+    else:
+        since = last.since + longest
+        far = since >= SHORT
+        met = last.met.of(np.flatnonzero(~far[last.met.frame])).carried(last.at, at)
+        if far.any():
+            met = met.and_those(meetings(problem.wary, qpos, np.flatnonzero(far)))
+            since[far] = 0.0
     points, off = reached(window.places, at)
     turned = angles(window.turns, at)
     change = differences(qpos)
@@ -243,7 +254,15 @@ def _state(problem: Problem, window: Window, qpos: Array, last: State | None = N
         + SPEEDING * (fast**2).sum()
         + STIFF / problem.size**2 * ((np.minimum(over, 0.0) ** 2).sum() + (np.minimum(room, 0.0) ** 2).sum())
     )
-    return State(qpos, at, met, points, off, turned, bend, rate, soles, over, room, float(cost))
+    return State(qpos, at, met, points, off, turned, bend, rate, soles, over, room, float(cost), since)
+
+
+def _met(problem: Problem, window: Window, qpos: Array, at: Poses) -> Meetings:
+    every = max(1, int(float(os.environ.get("LOOK", "0.02")) / window.step + 0.5))
+    met = found = meetings(problem.wary, qpos, np.arange(0, len(qpos), every))
+    for later in range(1, every):
+        met = met.and_those(found.of(np.flatnonzero(found.frame + later < len(qpos))).carried(at, at, later))
+    return met
 
 
 def _pull(problem: Problem, window: Window, state: State) -> tuple[Array, Array]:
