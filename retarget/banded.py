@@ -29,14 +29,10 @@ class Equations:
     def add_differences(self, stencil: Array, weight: Array, value: Array) -> None:
         """Add ½ weight (D x + value)², where D is `stencil` (k,) over neighbouring frames.
 
-        `weight` (broadcast) and `value` are (T − k + 1, n).
+        `value` is (T − k + 1, n), and so is `weight`, or (n,) where it is the same in all frames.
         """
-        count = len(value)
-        pull = weight * value
-        for i, a in enumerate(stencil):
-            self.downhill[i : i + count] -= a * pull
-            for j, b in enumerate(stencil[: i + 1]):
-                self.across[j : j + count, i - j] += a * b * weight
+        weight = np.ascontiguousarray(np.broadcast_to(weight, (1, value.shape[1])) if weight.ndim == 1 else weight)
+        loops.add_differences(self.across, self.downhill, stencil, weight, value)
 
     def solved(self, known: int, damping: Array) -> Array:
         """x (T, n), its first `known` frames held at zero and `damping` (T, n) added to the diagonal.

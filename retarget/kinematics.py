@@ -100,17 +100,19 @@ def meetings(model: mujoco.MjModel, qpos: Array, frames: Indices | None = None) 
     """Where bodies meet within the margins of the geoms of `model`, in the configurations `qpos` (T, nq): in all of
     them, or in those of `frames`.
     """
-    data, met = _workspace(model, threading.get_ident()), []
+    data, met, at, counts = _workspace(model, threading.get_ident()), [], [], []
     for frame in range(len(qpos)) if frames is None else frames:
         data.qpos[:] = qpos[frame]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
-        if data.ncon:
-            contacts = data.contact
-            bodies, normal = model.geom_bodyid[contacts.geom], contacts.frame[:, :3].copy()
-            met.append((np.full(data.ncon, frame), bodies, contacts.dist.copy(), normal, contacts.pos.copy()))
-    none = (np.zeros(0, int), np.zeros((0, 2), int), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-    return Meetings(*(np.concatenate(part) for part in zip(none, *met, strict=True)))
+        if count := data.ncon:
+            found = data.contact
+            met.append((found.geom.copy(), found.dist.copy(), found.frame[:, :3].copy(), found.pos.copy()))
+            at.append(frame)
+            counts.append(count)
+    none = np.zeros((0, 2), int), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3))
+    geoms, apart, normal, place = (np.concatenate(part) for part in zip(none, *met, strict=True))
+    return Meetings(np.repeat(np.array(at, int), counts), model.geom_bodyid[geoms], apart, normal, place)
 
 
 @lru_cache(maxsize=8)

@@ -276,19 +276,37 @@ def parts(curvature: Array) -> Indices:
     directly or by way of others.
     """
     size = curvature.shape[1]
-    out = np.arange(size)
+    tied, out = np.zeros((size, size), np.bool_), np.arange(size)
+    for t in range(len(curvature)):
+        for d in range(size):
+            for e in range(d):
+                tied[d, e] |= curvature[t, d, e] != 0
     for d in range(size):
         for e in range(d):
-            if out[e] == out[d]:
-                continue
-            for t in range(len(curvature)):
-                if curvature[t, d, e] != 0:
-                    one, other = min(out[d], out[e]), max(out[d], out[e])
-                    for i in range(size):
-                        if out[i] == other:
-                            out[i] = one
-                    break
+            if tied[d, e] and out[e] != out[d]:
+                one, other = min(out[d], out[e]), max(out[d], out[e])
+                for i in range(size):
+                    if out[i] == other:
+                        out[i] = one
     return out
+
+
+@compiled
+def add_differences(across: Array, downhill: Array, stencil: Array, weight: Array, value: Array) -> None:
+    """Add ½ `weight` (D x + `value`)² to what ties unknowns to themselves, `across` (T, 1 + REACH, n), and to
+    `downhill` (T, n): D is `stencil` (k,) over neighbouring frames, `value` (T − k + 1, n), and `weight` as that or of
+    one frame.
+    """
+    for t in range(len(value)):
+        for d in range(value.shape[1]):
+            w = weight[t if len(weight) > 1 else 0, d]
+            if w == 0:
+                continue
+            for i in range(len(stencil)):
+                pull = stencil[i] * w
+                downhill[t + i, d] -= pull * value[t, d]
+                for j in range(i + 1):
+                    across[t + j, i - j, d] += pull * stencil[j]
 
 
 @compiled

@@ -69,8 +69,7 @@ def firmed(goals: dict[str, Goal], planted: dict[str, Flags]) -> list[Goal]:
 def _window(problem: Problem, places: Places, turns: Turns, guess: Array, before: Array, end: int, fps: float) -> Array:
     """Frames len(before) … end, first every COARSE seconds, then all of them from there."""
     start, qpos = len(before), guess[len(before) : end]
-    import os
-    for t, steps, gain in eval(os.environ.get("LADDER","((0.4,30,.02),(0.1,30,.02),(0.02,6,.02))")):
+    for t, steps, gain in ((0.4,30,.3),(0.1,30,.1),(0.02,6,.05)):
         every = max(1, round(t*fps))
         past = before[::-1][every - 1 :: every][:REACH][::-1]
         frames = slice(start - len(past) * every, end, every)

@@ -33,14 +33,13 @@ STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, 
 SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `limits.py` cuts off
 FIRM = 100.0  # times its weight, a planted foot's goal
 GAIN = 0.02  # a step that promises to gain a smaller share of the cost is the last
-UPHILL, PATIENCE = 2.0, 3  # times the lowest cost so far, that it may be after a step; for how many steps
+UPHILL, PATIENCE = 1e9, 3  # times the lowest cost so far, that it may be after a step; for how many steps
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
-import os
-DAMPING = float(os.environ.get("DAMP","1e-4"))
+DAMPING = 3e-3
 ROUNDS = 3  # in which to find the springs that push after a step, at most
 SLIGHT = 0.1  # of a gap, or of a speed: springs that are out by less are not asked again
-SHORT = 0.1  # rad (or root heights): after a step of less, bodies meet where they did
+SHORT = 0.2  # rad (or root heights): after a step of less, bodies meet where they did
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,7 @@ def _wary(model: mujoco.MjModel, gap: float) -> mujoco.MjModel:
     on; MuJoCo adds the margins of both. Of what touches over an area one point is enough.
     """
     model = copy(model)
-    model.geom_margin[:] = gap
+    model.geom_margin[:] = gap*0.6
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
     return model
 
@@ -155,11 +154,9 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
         stepped, promised, longest = _stepped(problem, window, state, damping, ROUNDS)
         if promised < window.gain * state.cost and longest.max() < SHORT:
             return stepped
-        tried = _state(problem, window, stepped, state, longest)
-        if tried.cost > UPHILL * best.cost:
-            damping *= 30
-            continue
-        state, damping = tried, max(damping / 10, DAMPING)
+        before, state = state.cost, _state(problem, window, stepped, state, longest)
+        kept = (before - state.cost) / max(promised, np.finfo(float).tiny)
+        damping = damping * 10 if kept < 0.25 else max(damping / 10, DAMPING) if kept > 0.5 else damping
         waited = 0 if state.cost < (1 - window.gain) * best.cost else waited + 1
         best = min(state, best, key=lambda s: s.cost)
         if waited == PATIENCE:
@@ -258,7 +255,7 @@ def _state(problem: Problem, window: Window, qpos: Array, last: State | None = N
 
 
 def _met(problem: Problem, window: Window, qpos: Array, at: Poses) -> Meetings:
-    every = max(1, int(float(os.environ.get("LOOK", "0.02")) / window.step + 0.5))
+    every = max(1, int(0.04 / window.step + 0.5))
     met = found = meetings(problem.wary, qpos, np.arange(0, len(qpos), every))
     for later in range(1, every):
         met = met.and_those(found.of(np.flatnonzero(found.frame + later < len(qpos))).carried(at, at, later))
