@@ -15,7 +15,7 @@ import numpy as np
 
 from motiongen.rotation import Array, cross
 from retarget import loops
-from retarget.loops import Bones, Indices
+from retarget.loops import Bones, Flags, Indices
 
 ROOT_DOFS = loops.ROOT  # of the free joint: metres along the world's axes, then radians about the root's own
 
@@ -41,11 +41,12 @@ class Meetings:
     normal: Array
     place: Array
 
-    def of(self, which: Indices) -> Meetings:
-        """Those at the indices `which`."""
+    def of(self, which: Flags) -> Meetings:
+        """Those where `which` (n,) is set."""
         return Meetings(self.frame[which], self.bodies[which], self.apart[which], self.normal[which], self.place[which])
 
     def and_those(self, more: Meetings) -> Meetings:
+        """Both."""
         return Meetings(*(np.concatenate([getattr(m, f.name) for m in (self, more)]) for f in fields(self)))
 
     def carried(self, before: Poses, after: Poses, later: int = 0) -> Meetings:

@@ -32,6 +32,7 @@ from retarget.whole import SMOOTH, firmed
 from retarget.window import Problem, Window, followed, problem_of
 
 LEAD = 1.0  # s in which the goals go over from the nominal pose to the motion
+LOOK = 2  # frames, of which one is looked at for bodies that meet
 STEPS = 2  # of Gauss-Newton a frame; it starts from the frame before's solution
 PREVIEW = 3 / 8  # of the look ahead is seen by the solver, what is left serves to tell when feet stand
 GUESSED = 6  # frames after those are guessed, so that what goes out does not run on where it will have to turn back
@@ -276,7 +277,7 @@ def _solved(stream: Stream, progress: Progress) -> tuple[Progress, Array]:
     each = stream.each
     seen, rest = slice(REACH + stream.preview + each), slice(each, None)
     places, turns = _guessed(progress.places.at(seen), progress.turns.at(seen))
-    window = Window(places, turns, REACH, 1 / stream.fps, SMOOTH)
+    window = Window(places, turns, REACH, 1 / stream.fps, SMOOTH, LOOK)
     guess = np.concatenate([progress.past, progress.ahead[1:]])
     for _ in range(each):  # the newest frames, each as fast as the one before it
         guess = np.concatenate([guess, moved(guess[-1:], differences(guess[-2:]))])

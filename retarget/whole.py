@@ -20,8 +20,9 @@ from retarget.tracking import Places, Turns, targets_of
 from retarget.window import FIRM, Problem, Window, problem_of, solved
 
 SMOOTH = 0.025  # s
-COARSE = 0.1  # s between the frames of the first, coarse solution, which finds the way
-COARSE_STEPS, FINE_STEPS = 30, 6  # at most
+# Seconds between the frames that are solved, coarse ones first, which find the way; of how many of them one is looked
+# at for bodies that meet (0: none, they pass through each other), and steps at most.
+STAGES = ((0.4, 0, 30), (0.1, 1, 30), (0.0, 3, 6))
 WINDOW, OVERLAP = 20.0, 1.0  # s solved at once, which bounds the memory, and thrown away where the next one takes over
 
 
@@ -67,13 +68,13 @@ def firmed(goals: dict[str, Goal], planted: dict[str, Flags]) -> list[Goal]:
 
 
 def _window(problem: Problem, places: Places, turns: Turns, guess: Array, before: Array, end: int, fps: float) -> Array:
-    """Frames len(before) … end, first every COARSE seconds, then all of them from there."""
+    """Frames len(before) … end, in STAGES, each from the one before."""
     start, qpos = len(before), guess[len(before) : end]
-    for t, steps, gain in ((0.4,30,.3),(0.1,30,.1),(0.02,6,.05)):
-        every = max(1, round(t*fps))
+    for apart, look, steps in STAGES:
+        every = max(1, round(apart * fps))
         past = before[::-1][every - 1 :: every][:REACH][::-1]
         frames = slice(start - len(past) * every, end, every)
-        part = Window(places.at(frames), turns.at(frames), len(past), every / fps, SMOOTH, gain)
+        part = Window(places.at(frames), turns.at(frames), len(past), every / fps, SMOOTH, look)
         found = solved(problem, part, np.concatenate([past, qpos[::every]]), steps)[len(past) :]
         qpos = _spread(found, every, end - start)
     return qpos

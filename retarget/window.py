@@ -28,18 +28,20 @@ from retarget.tracking import Places, Turns, angles, pulls, reached
 LEAST_SMOOTH = 0.5  # frames, where they are far apart
 POSTURE = 0.03  # weight of the nominal pose, which settles what the goals leave open
 GAP = 0.01  # of the root height: how far apart bodies stay that are not nearer in the nominal pose
+NOTICE = 1.2  # times as far apart they are noticed
 SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
 SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `limits.py` cuts off
 FIRM = 100.0  # times its weight, a planted foot's goal
-GAIN = 0.02  # a step that promises to gain a smaller share of the cost is the last
-UPHILL, PATIENCE = 1e9, 3  # times the lowest cost so far, that it may be after a step; for how many steps
+GAIN = 0.2  # a step that promises to gain a smaller share of the cost is the last
+PATIENCE = 3  # steps that may lead uphill, or gain less
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
 DAMPING = 3e-3
+KEPT = 0.25, 0.5  # of what a step promised: below it the next is damped ten times as much, above it a tenth
 ROUNDS = 3  # in which to find the springs that push after a step, at most
 SLIGHT = 0.1  # of a gap, or of a speed: springs that are out by less are not asked again
-SHORT = 0.2  # rad (or root heights): after a step of less, bodies meet where they did
+SHORT = 0.2  # rad (or root heights): on a shorter way bodies go on to meet where they did
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,8 @@ class Problem:
 @dataclass(frozen=True)
 class Window:
     """`places` and `turns` over T frames `step` s apart, of which the first `known` are solved and stay. What a
-    follower of weight 1 does faster than 1 / (2π · `smooth`) Hz is smoothed away (`smooth` in s).
+    follower of weight 1 does faster than 1 / (2π · `smooth`) Hz is smoothed away (`smooth` in s). Bodies are looked at in
+    one of `look` frames, and taken to meet alike in those after it; in none where it is 0.
     """
 
     places: Places
@@ -73,7 +76,7 @@ class Window:
     known: int
     step: float
     smooth: float
-    gain: float = GAIN
+    look: int
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,8 @@ class State:
 
     `points` and `off` are what `reached` gives and `turned` what `angles` gives, `bend` (T − 2, nv) the second
     differences, `rate` (T − 1, nj) rad a frame. `soles` (T, s, 3) are where they are, `over` (T, s) metres over the
-    lowest they may be, `room` (n,) what bodies that meet have beyond their gap.
+    lowest they may be, `room` (n,) what bodies that meet (`met`) have beyond their gap; `since` (T,) is how far each
+    frame has gone since it was looked at for them.
     """
 
     qpos: Array
@@ -123,11 +127,11 @@ def problem_of(rig: Rig, model: mujoco.MjModel, start: Array, *, fixed_root: boo
 
 @lru_cache(maxsize=8)
 def _wary(model: mujoco.MjModel, gap: float) -> mujoco.MjModel:
-    """A copy of `model` (which takes as long as to solve a second) whose geoms notice each other from twice the `gap`
-    on; MuJoCo adds the margins of both. Of what touches over an area one point is enough.
+    """A copy of `model` (which takes as long as to solve a second) whose geoms notice each other from NOTICE times
+    the `gap` on; MuJoCo adds the margins of both. Of what touches over an area one point is enough.
     """
     model = copy(model)
-    model.geom_margin[:] = gap*0.6
+    model.geom_margin[:] = NOTICE / 2 * gap
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
     return model
 
@@ -145,19 +149,20 @@ def _gaps(wary: mujoco.MjModel, start: Array, usual: float) -> Array:
 def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
     """(T, nq) after at most `steps` Gauss-Newton steps from `qpos` (T, nq).
 
-    A long step along stiff springs leads uphill at first, and the next one down: so one may, by UPHILL. A step that
-    promises to gain little is taken, and is the last; PATIENCE steps that do not gain are the last too.
+    A long step along stiff springs leads uphill at first, and the next one down: so steps may. How much of what one
+    promised it has kept says how far the next is to be damped (Levenberg). One that promises to gain little is taken,
+    and is the last; PATIENCE steps that do not gain are the last too.
     """
     damping, waited = DAMPING, 0
     state = best = _state(problem, window, _in_reach(problem, qpos))
     for _ in range(steps):
         stepped, promised, longest = _stepped(problem, window, state, damping, ROUNDS)
-        if promised < window.gain * state.cost and longest.max() < SHORT:
+        if promised < GAIN * state.cost and longest.max() < SHORT:
             return stepped
         before, state = state.cost, _state(problem, window, stepped, state, longest)
         kept = (before - state.cost) / max(promised, np.finfo(float).tiny)
-        damping = damping * 10 if kept < 0.25 else max(damping / 10, DAMPING) if kept > 0.5 else damping
-        waited = 0 if state.cost < (1 - window.gain) * best.cost else waited + 1
+        damping = 10 * damping if kept < KEPT[0] else max(damping / 10, DAMPING) if kept > KEPT[1] else damping
+        waited = 0 if state.cost < (1 - GAIN) * best.cost else waited + 1
         best = min(state, best, key=lambda s: s.cost)
         if waited == PATIENCE:
             break
@@ -226,15 +231,7 @@ def _smooth(problem: Problem, window: Window) -> Array:
 def _state(problem: Problem, window: Window, qpos: Array, last: State | None = None, longest: Array | None = None) -> State:
     """The state at `qpos` (T, nq). Bodies meet where they did in the `last` one, or else are looked at."""
     at = poses(problem.tree, qpos)
-    if last is None:
-        met, since = _met(problem, window, qpos, at), np.zeros(len(qpos))
-    else:
-        since = last.since + longest
-        far = since >= SHORT
-        met = last.met.of(np.flatnonzero(~far[last.met.frame])).carried(last.at, at)
-        if far.any():
-            met = met.and_those(meetings(problem.wary, qpos, np.flatnonzero(far)))
-            since[far] = 0.0
+    met, since = _met(problem, window, qpos, at, last, longest)
     points, off = reached(window.places, at)
     turned = angles(window.turns, at)
     change = differences(qpos)
@@ -254,12 +251,25 @@ def _state(problem: Problem, window: Window, qpos: Array, last: State | None = N
     return State(qpos, at, met, points, off, turned, bend, rate, soles, over, room, float(cost), since)
 
 
-def _met(problem: Problem, window: Window, qpos: Array, at: Poses) -> Meetings:
-    every = max(1, int(0.04 / window.step + 0.5))
-    met = found = meetings(problem.wary, qpos, np.arange(0, len(qpos), every))
-    for later in range(1, every):
-        met = met.and_those(found.of(np.flatnonzero(found.frame + later < len(qpos))).carried(at, at, later))
-    return met
+def _met(
+    problem: Problem, window: Window, qpos: Array, at: Poses, last: State | None, longest: Array | None
+) -> tuple[Meetings, Array]:
+    """Where bodies meet at `qpos` (T, nq), and how far each frame has gone since it was looked at (T,): it is not looked
+    at again before that is SHORT.
+    """
+    if window.look == 0:
+        return meetings(problem.wary, qpos[:0]), np.zeros(len(qpos))
+    if last is None or longest is None:
+        met = found = meetings(problem.wary, qpos, np.arange(window.known, len(qpos), window.look))
+        for later in range(1, window.look):
+            met = met.and_those(found.of(found.frame + later < len(qpos)).carried(at, at, later))
+        return met, np.zeros(len(qpos))
+    since = last.since + longest
+    far = since >= SHORT
+    met = last.met.of(~far[last.met.frame]).carried(last.at, at)
+    if far.any():
+        met = met.and_those(meetings(problem.wary, qpos, np.flatnonzero(far)))
+    return met, np.where(far, 0.0, since)
 
 
 def _pull(problem: Problem, window: Window, state: State) -> tuple[Array, Array]:

@@ -7,23 +7,26 @@ from pathlib import Path
 
 import motions
 import mujoco
+import numba
 import numpy as np
 import pytest
 from two_arm_rig import two_arm_rig
 
 from motiongen.motion import Motion
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
+from retarget import loops
 from retarget.banded import FIRST, SECOND, Equations
 from retarget.contacts import planted, runs
 from retarget.goals import Goal
-from retarget.kinematics import along, moved, on_body, poses, tree_of, velocities
+from retarget.kinematics import meetings, on_body, poses, tree_of, velocities
+from retarget.loops import along, differences, moved, parts
 from retarget.menagerie import menagerie_file
 from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
 from retarget.rig import Follow, Rig, load_rig
-from retarget.springs import Springs, add_springs
-from retarget.tracking import angles, linearised, reached, targets_of
+from retarget.springs import Springs
+from retarget.tracking import angles, pulls, reached, targets_of
 from retarget.whole import solve
 
 FPS = 50.0
@@ -71,6 +74,39 @@ def goals_from(qpos: Array, model: mujoco.MjModel, bodies: dict[str, str], base:
     return out
 
 
+ODD = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 1"><freejoint/><geom size="0.1"/>
+<body pos="0.1 0.2 -0.3" quat="0.5 0.1 -0.7 0.4"><geom size="0.1"/>
+<joint name="a" axis="1 2 3" pos="0.05 -0.02 0.01" ref="0.7"/><joint name="b" axis="-1 0.2 0" pos="-0.03 0 0.08"/>
+<body pos="0.2 0 0" euler="10 20 30"><geom size="0.1"/>
+<body pos="0 0 0.3"><geom size="0.1"/><joint name="c" axis="0 1 0" pos="0 0.1 0"/></body>
+</body></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("name", [*RIGS, "odd"])
+def test_bodies_are_where_mujoco_has_them(name: str) -> None:
+    """The odd one has joints beside their bodies' origins, two on one body, one not at 0 and a body without any."""
+    model = mujoco.MjModel.from_xml_string(ODD) if name == "odd" else load_model(load_rig(name))
+    qpos = np.random.default_rng(1).normal(size=(4, model.nq))
+    at, data = poses(tree_of(model), qpos), mujoco.MjData(model)
+    for frame, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        for found, wanted in ((at.place, data.xpos), (at.turn, data.xquat), (at.matrix, data.xmat.reshape(-1, 3, 3))):
+            assert found[frame] == pytest.approx(wanted, abs=1e-12)
+        assert at.axis[frame, 6:] == pytest.approx(data.xaxis[1:], abs=1e-12)
+        assert at.anchor[frame, 6:] == pytest.approx(data.xanchor[1:], abs=1e-12)
+
+
+def test_loops_are_compiled_where_no_folder_can_be_written_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    def without_folder(*, cache: bool = False, **options: bool) -> object:
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return numba.njit(**options)
+
+    monkeypatch.setattr(loops, "njit", without_folder)
+    assert loops.compiled(lambda x: x + 1)(2) == 3
+
+
 @pytest.mark.parametrize("name", RIGS)
 def test_jacobians_are_mujoco_s(name: str) -> None:
     rig = load_rig(name)
@@ -97,7 +133,8 @@ def test_velocities_along_a_direction_are_those_of_the_jacobian() -> None:
     at, every = poses(tree, qpos), np.arange(tree.model.nv)
     frame, (point, way) = np.array([0, 3, 3]), np.random.default_rng(11).normal(size=(2, 3, 3))
     wanted = np.einsum("nvi,ni->nv", velocities(at, every, point[:, None], frame), way)
-    assert along(at, frame, point, way) == pytest.approx(wanted, abs=1e-12)
+    carried = np.tile([1.0, -1.0], (3, tree.model.nv // 2))
+    assert along(at.axis, at.anchor, frame, point, way, carried) == pytest.approx(wanted * carried, abs=1e-12)
 
 
 def test_bodies_that_meet_are_as_far_apart_a_little_later_as_mujoco_says(tmp_path: Path) -> None:
@@ -107,12 +144,17 @@ def test_bodies_that_meet_are_as_far_apart_a_little_later_as_mujoco_says(tmp_pat
     model.geom_margin[:] = 0.2
     tree, qpos = tree_of(model), np.tile(nominal(rig), (2, 1))
     qpos[:, 8] = 0.45, 0.47
-    before, after = poses(tree, qpos[:1]), poses(tree, qpos[1:])
-    met, wanted = before.meetings.carried(before, after), after.meetings
+    at = poses(tree, qpos)
+    before, wanted = meetings(model, qpos, np.array([0])), meetings(model, qpos, np.array([1]))
+    met = before.carried(at, at, 1)
     assert len(wanted.apart) == len(met.apart) > 0
+    assert list(met.frame) == list(wanted.frame) == [1] * len(met.apart)
     assert met.apart == pytest.approx(wanted.apart, abs=2e-4)
-    assert np.abs(before.meetings.apart - wanted.apart).max() > 1e-3
+    assert np.abs(before.apart - wanted.apart).max() > 1e-3
     assert met.place == pytest.approx(wanted.place, abs=0.01)
+    both = meetings(model, qpos)
+    assert both.apart == pytest.approx(before.and_those(wanted).apart)
+    assert both.of(both.frame == 1).apart == pytest.approx(wanted.apart)
 
 
 def test_steps_are_mujoco_s() -> None:
@@ -123,6 +165,8 @@ def test_steps_are_mujoco_s() -> None:
         wanted = q.copy()
         mujoco.mj_integratePos(model, wanted, v, 1.0)
         assert found == pytest.approx(wanted, abs=1e-12)
+        mujoco.mj_differentiatePos(model, v, 1.0, q, found)
+        assert differences(np.stack([q, found]))[0] == pytest.approx(v, abs=1e-12)
 
 
 @pytest.mark.parametrize("base", ["", "torso"])
@@ -140,8 +184,8 @@ def test_the_gradient_is_that_of_finite_differences(base: str) -> None:
         return ((places.weight * (off**2).sum(-1)).sum(1) + (turns.weight * (turned**2).sum(-1)).sum(1)) / 2
 
     at = poses(tree, qpos)
-    rows, value = linearised(tree, places, turns, at, *reached(places, at), angles(turns, at))
-    found = (rows @ value[..., None])[..., 0]
+    curvature, found = pulls(tree, places, turns, at, *reached(places, at), angles(turns, at))
+    assert (np.triu(curvature, 1) == 0).all()
     for dof in range(model.nv):
         nudge = np.zeros((len(qpos), model.nv))
         nudge[:, dof] = 1e-6
@@ -151,34 +195,47 @@ def test_the_gradient_is_that_of_finite_differences(base: str) -> None:
 
 def test_springs_add_up_frame_by_frame() -> None:
     rng = np.random.default_rng(10)
-    frame, rows, pull = np.array([0, 2, 2, 2, 5]), rng.normal(size=(5, 4)), rng.normal(size=5)
-    curvature, gradient = np.ones((6, 4, 4)), np.ones((6, 4))
-    add_springs(curvature, gradient, Springs(frame, rows, pull), 3.0)
+    frame, rows, room = np.array([0, 2, 2, 2, 5]), rng.normal(size=(5, 4)), rng.normal(size=5)
+    pushing = np.array([True, True, False, True, True])
+    before = np.ones((6, 4, 4)), np.ones((6, 4))
+    springs = Springs(frame, rows, room)
+    curvature, gradient = springs.added(*before, pushing, 3.0)
     step = rng.normal(size=(6, 4))
-    assert Springs(frame, rows, pull).after(step) == pytest.approx(
-        [p + r @ step[t] for t, r, p in zip(frame, rows, pull, strict=True)]
-    )
+    assert springs.after(step) == pytest.approx([p + r @ step[t] for t, r, p in zip(frame, rows, room, strict=True)])
     for t in range(6):
-        mine = frame == t
-        assert curvature[t] == pytest.approx(1 + 3 * rows[mine].T @ rows[mine])
-        assert gradient[t] == pytest.approx(1 + 3 * rows[mine].T @ pull[mine])
+        mine = (frame == t) & pushing
+        assert np.tril(curvature[t]) == pytest.approx(np.tril(1 + 3 * rows[mine].T @ rows[mine]))
+        assert gradient[t] == pytest.approx(1 + 3 * rows[mine].T @ room[mine])
+    assert (before[0] == 1).all()
+    assert (before[1] == 1).all()
 
 
-def test_banded_equations_are_the_dense_ones() -> None:
+@pytest.mark.parametrize(
+    ("groups", "count"), [("aaa", 1), ("aba", 2), ("abc", 3), ("abc then aab", 2), ("abc then aab then abb", 1)]
+)
+def test_banded_equations_are_the_dense_ones(groups: str, count: int) -> None:
+    """Unknowns of one letter are tied to each other in all frames, or in the fourth and fifth only."""
     frames, size, known = 9, 3, 2
     rng = np.random.default_rng(7)
     dense, right = np.zeros((frames * size,) * 2), np.zeros(frames * size)
     half, gradient = rng.normal(size=(frames, size, 5)), rng.normal(size=(frames, size))
-    out = Equations(half @ half.swapaxes(1, 2), gradient)
-    for t, block in enumerate(half):
+    blocks = half @ half.swapaxes(1, 2)
+    for t, block in enumerate(blocks):
+        said = groups.split(" then ")
+        letters = np.array(list(said[t - 3] if 3 < t < 3 + len(said) else said[0]))
+        block *= letters[:, None] == letters
         rows = slice(t * size, (t + 1) * size)
-        dense[rows, rows] += block @ block.T
+        dense[rows, rows] += block
         right[rows] -= gradient[t]
+    assert len(set(parts(np.tril(blocks)))) == count
+    out = Equations(np.tril(blocks), gradient)
     for stencil in (FIRST, SECOND):
-        count = frames - len(stencil) + 1
-        weight, value = rng.uniform(1, 2, (count, size)), rng.normal(size=(count, size))
-        out.add_differences(stencil, weight, value)
-        for t in range(count):
+        rows = frames - len(stencil) + 1
+        weight, value = rng.uniform(1, 2, (rows, size)), rng.normal(size=(rows, size))
+        if stencil is SECOND:
+            weight[:] = weight[0]
+        out.add_differences(stencil, weight[0] if stencil is SECOND else weight, value)
+        for t in range(rows):
             for i in range(size):
                 row = np.zeros(frames * size)
                 row[[(t + k) * size + i for k in range(len(stencil))]] = stencil

@@ -54,7 +54,7 @@ def pushed_apart(rig: Rig, qpos: Array, fps: float, gives: NDArray[np.bool_]) ->
     out, added, dofs = qpos.copy(), np.zeros((len(qpos), len(columns))), columns + ROOT_DOFS
     for _ in range(ROUNDS):
         near = (found.apart < gap) & meet[tuple(found.bodies.T)]
-        met = found.of(np.flatnonzero(near))
+        met = found.of(near)
         lacks = (met.apart - gap) / rig.nominal.height
         rows = (velocities(at, dofs, met.place[:, None], met.frame) @ met.normal[..., None])[..., 0]
         rows *= (tree.carries[met.bodies[:, 1]] - tree.carries[met.bodies[:, 0]])[:, dofs] / rig.nominal.height
