@@ -19,6 +19,7 @@ from motiongen.rotation import (
 from retarget.contacts import Flags, runs
 from retarget.goals import Goal
 from retarget.rest import Rest
+from retarget.treads import kept_apart
 
 # A foot in the air counts for this share of a planted one, so that a high kick does not pull the pelvis after it; in
 # between its weight changes over FIRMING seconds, all of them outside the contact.
@@ -27,6 +28,7 @@ FIRMING = 0.1
 # People swing their toes some 2 cm above the floor, bent up; a rig's sole is stiff and would scuff where theirs clears.
 CLEARANCE = 0.025  # of the root's height, reached FIRMING seconds from the contact …
 PASSING = 0.4  # … and where the foot is this many m/s faster than the other
+BESIDE = 0.012  # of the root's height, at least, between two feet that stand: a rig's may be wide for its legs
 
 
 def flattened(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags]) -> dict[str, Goal]:
@@ -58,19 +60,20 @@ def riding_height(goals: dict[str, Goal], rest: Rest, height: Array, supported: 
 
 
 def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: float, height: float) -> dict[str, Goal]:
-    """The goals with planted feet held where they are on average, sole on the floor; blended in between.
+    """The goals with planted feet held where they are on average, beside each other and sole on the floor; blended in
+    between.
 
     A foot that passes a slower one keeps clear of the floor, in proportion to the rig's nominal root `height` (m).
     """
     out = dict(goals)
     feet = _grounded(goals, rest)
+    spots = _spots({foot: goals[foot] for foot in feet}, rest, planted, BESIDE * height)
     speed = {foot: np.linalg.norm(_rate(goals[foot].pos[:, :2], fps), axis=1) for foot in feet}
     for foot in feet:
         pos, quat = goals[foot].pos, goals[foot].quat
         fix = []
         for start, end in runs(planted[foot]):
-            spot = pos[start:end].mean(0)
-            spot = np.broadcast_to(spot, (end - start, 3)).copy()
+            spot = np.tile([*spots[foot, start][:2], pos[start:end, 2].mean()], (end - start, 1))
             spot[:, 2] -= _lowest(spot, quat[start:end], rest.soles[foot])
             fix.append(spot - pos[start:end])
         pos = pos + _blended(fix, planted[foot])
@@ -81,6 +84,28 @@ def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: f
         pos[:, 2] += np.maximum(clear - _lowest(pos, quat, rest.soles[foot]), 0.0)
         out[foot] = replace(goals[foot], pos=pos, firm=1 - (1 - SWING) * swing)
     return out
+
+
+def _spots(
+    goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], gap: float
+) -> dict[tuple[str, int], Array]:
+    """Where each foot stands, (x, y, yaw), by its name and the frame from which it does: where its goal is on average,
+    or as near as that is not on the other one. Of two the later gives way, and both where they are set down at once.
+    """
+    stands = sorted((start, end, foot) for foot in goals for start, end in runs(planted[foot]))
+    spots: dict[tuple[str, int], Array] = {}
+    for start, end, foot in stands:
+        goal = goals[foot]
+        x, y = goal.pos[start:end, :2].mean(0)
+        spot = spots[foot, start] = np.array([x, y, yaw_of_quat(quat_mul(goal.quat[start], quat_conj(rest.turn[foot])))])
+        for begun, ended, other in stands:
+            if other != foot and (other, begun) in spots and ended > start:
+                its = spots[other, begun]
+                way = kept_apart(spot, rest.treads[foot], its, rest.treads[other], gap)
+                share = 0.5 if begun == start else 1.0
+                spot[:2] += share * way
+                its[:2] -= (1 - share) * way
+    return spots
 
 
 def _rate(values: Array, fps: float) -> Array:

@@ -292,10 +292,10 @@ def parts(curvature: Array) -> Indices:
 
 
 @compiled
-def add_differences(across: Array, downhill: Array, stencil: Array, weight: Array, value: Array) -> None:
+def add_differences(across: Array, downhill: Array, stencil: Array, weight: Array, value: Array, first: int) -> None:
     """Add ½ `weight` (D x + `value`)² to what ties unknowns to themselves, `across` (T, 1 + REACH, n), and to
-    `downhill` (T, n): D is `stencil` (k,) over neighbouring frames, `value` (T − k + 1, n), and `weight` as that or of
-    one frame.
+    `downhill` (T, n): D is `stencil` (k,) over neighbouring frames, `value` (T − k + 1, m) is of the unknowns from the
+    `first` on, and `weight` as that or of one frame.
     """
     for t in range(len(value)):
         for d in range(value.shape[1]):
@@ -304,9 +304,9 @@ def add_differences(across: Array, downhill: Array, stencil: Array, weight: Arra
                 continue
             for i in range(len(stencil)):
                 pull = stencil[i] * w
-                downhill[t + i, d] -= pull * value[t, d]
+                downhill[t + i, first + d] -= pull * value[t, d]
                 for j in range(i + 1):
-                    across[t + j, i - j, d] += pull * stencil[j]
+                    across[t + j, i - j, first + d] += pull * stencil[j]
 
 
 @compiled

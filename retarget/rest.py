@@ -10,17 +10,20 @@ import numpy as np
 
 from motiongen.rotation import Array, quat_conj, quat_rotate
 from retarget.rig import Rig
+from retarget.treads import tread_of
 
 
 @dataclass(frozen=True)
 class Rest:
     """`place`: human joint → position (3,) of its follower; `turn`: its orientation (4,); at the zero pose, in metres
-    from the root and in the root's frame. `soles`: human ankle → sole points (n, 3) in the frame of the foot's body.
+    from the root and in the root's frame. `soles`: human ankle → sole points (n, 3) in the frame of the foot's body;
+    `treads`: what the foot covers of the floor, as `tread_of` gives it.
     """
 
     place: dict[str, Array]
     turn: dict[str, Array]
     soles: dict[str, Array]
+    treads: dict[str, Array]
 
     @cached_property
     def offsets(self) -> dict[tuple[str, str], Array]:
@@ -37,7 +40,7 @@ def rest_of(rig: Rig, model: mujoco.MjModel) -> Rest:
     data.qpos[:] = 0
     data.qpos[3] = 1
     mujoco.mj_kinematics(model, data)
-    place, turn, soles = {}, {}, {}
+    place, turn, soles, treads = {}, {}, {}, {}
     for follow in rig.follow:
         frame = data.site(follow.body) if is_site(model, follow.body) else data.body(follow.body)
         place[follow.human] = np.array(frame.xpos)
@@ -48,7 +51,8 @@ def rest_of(rig: Rig, model: mujoco.MjModel) -> Rest:
         body = data.body(foot.body)
         points = np.array([data.site(site).xpos for site in foot.sites]) - body.xpos
         soles[foot.human] = quat_rotate(quat_conj(body.xquat), points)
-    return Rest(place, turn, soles)
+        treads[foot.human] = tread_of(model, body.id, body.xquat)
+    return Rest(place, turn, soles, treads)
 
 
 def is_site(model: mujoco.MjModel, name: str) -> bool:

@@ -18,9 +18,10 @@ import numpy as np
 
 from motiongen.rotation import Array
 from retarget import loops
-from retarget.banded import FIRST, SECOND, Equations
+from retarget.banded import SECOND, Equations
 from retarget.kinematics import ROOT_DOFS, Meetings, Poses, Tree, meetings, on_body, poses, tree_of
 from retarget.loops import Flags, Indices, differences, moved
+from retarget.paces import Paces
 from retarget.rig import Rig
 from retarget.springs import Springs
 from retarget.tracking import Places, Turns, angles, pulls, reached
@@ -31,7 +32,6 @@ GAP = 0.01  # of the root height: how far apart bodies stay that are not nearer 
 NOTICE = 1.2  # times as far apart they are noticed
 SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
-SPEEDING = 100.0  # 1/rad², of the springs that hold speeds; what is left `limits.py` cuts off
 FIRM = 100.0  # times its weight, a planted foot's goal
 GAIN = 0.2  # a step that promises to gain a smaller share of the cost is the last
 PATIENCE = 3  # steps that may lead uphill, or gain less
@@ -48,7 +48,7 @@ SHORT = 0.2  # rad (or root heights): on a shorter way bodies go on to meet wher
 class Problem:
     """What a rig brings to every window. `wary` is the model with bodies that notice each other. `nominal` (nj,) rad;
     `even` (nv,) brings second differences of metres and radians to one scale; of the joints, `reach` (2, nj) rad and
-    `speed` (nj,) rad/s. `soles`: body (s,) and point (s, 3), kept above the floor. `gaps` (nbody, nbody) are the metres
+    `speed` (nj,) rad/s, `surge` (nj,) rad/s². `soles`: body (s,) and point (s, 3), kept above the floor. `gaps` (nbody, nbody) are the metres
     that two bodies stay apart. `size` is the nominal root height in metres.
     """
 
@@ -58,6 +58,7 @@ class Problem:
     even: Array
     reach: Array
     speed: Array
+    surge: Array
     soles: tuple[Indices, Array]
     gaps: Array
     size: float
@@ -84,7 +85,7 @@ class State:
     """Configurations `qpos` (T, nq) and what is amiss there; `cost` sums it up by weight.
 
     `points` and `off` are what `reached` gives and `turned` what `angles` gives, `bend` (T − 2, nv) the second
-    differences, `rate` (T − 1, nj) rad a frame. `soles` (T, s, 3) are where they are, `over` (T, s) metres over the
+    differences, `paces` those of joints. `soles` (T, s, 3) are where they are, `over` (T, s) metres over the
     lowest they may be, `room` (n,) what bodies that meet (`met`) have beyond their gap; `since` (T,) is how far each
     frame has gone since it was looked at for them.
     """
@@ -96,7 +97,7 @@ class State:
     off: Array
     turned: Array
     bend: Array
-    rate: Array
+    paces: Paces
     soles: Array
     over: Array
     room: Array
@@ -118,6 +119,7 @@ def problem_of(rig: Rig, model: mujoco.MjModel, start: Array, *, fixed_root: boo
         even=even,
         reach=np.array([[j.lower for j in rig.joints], [j.upper for j in rig.joints]]),
         speed=np.array([j.velocity for j in rig.joints]),
+        surge=np.array([j.acceleration for j in rig.joints]),
         soles=(np.array([s.bodyid[0] for s in sites], int), np.array([s.pos for s in sites]).reshape(-1, 3)),
         gaps=_gaps(wary, start, gap),
         size=rig.nominal.height,
@@ -188,22 +190,23 @@ def _stepped(problem: Problem, window: Window, state: State, damping: float, rou
     arrives there stops. Which springs push at the end of the step is found by taking it up to `rounds` times.
     """
     pull, springs = _pull(problem, window, state), _springs(problem, state)
-    pushing, speeding = now = springs.room < 0, _speeding(problem, window, state.rate)
+    pushing, hasty = now = springs.room < 0, state.paces.hasty()
     for _ in range(rounds):
-        solved_for = pushing, speeding
-        pushed = springs.added(*pull, pushing, STIFF / problem.size**2)
-        equations = _equations(problem, window, state, pushed, speeding)
+        solved_for = pushing, hasty
+        equations = Equations(*springs.added(*pull, pushing, STIFF / problem.size**2))
+        equations.add_differences(SECOND, _smooth(problem, window), state.bend)
+        state.paces.hold(equations, hasty)
         downhill = equations.downhill
         frozen = _frozen(problem, state.qpos, downhill)
         step = np.where(frozen, 0.0, equations.solved(window.known, np.where(frozen, HELD, damping)))
         longest = np.abs(step).max(1, keepdims=True)
-        room, rate = springs.after(step), state.rate + np.diff(step[:, ROOT_DOFS:], axis=0)
-        pushing, speeding = room < 0, _speeding(problem, window, rate)
+        room, paces = springs.after(step), state.paces.after(step)
+        pushing, hasty = room < 0, paces.hasty()
         amiss = np.abs(room[pushing != solved_for[0]]) > SLIGHT * GAP * problem.size
-        hasty = _excess(problem, window, rate, speeding - solved_for[1]) / (problem.speed * window.step)
-        if longest.max() > LEAP or not (amiss.any() or (np.abs(hasty) > SLIGHT).any()):
+        if longest.max() > LEAP or not (amiss.any() or paces.amiss(solved_for[1], SLIGHT)):
             break
-    strain = [_strain(problem, window, state, springs.room[push], way) for push, way in (now, solved_for)]
+    stiff = STIFF / problem.size**2
+    strain = [stiff * float((springs.room[push] ** 2).sum()) + state.paces.strain(ways) for push, ways in (now, solved_for)]
     promised = float((downhill * step).sum()) + strain[0] - strain[1]
     step *= LEAP / np.maximum(longest, LEAP)
     return _in_reach(problem, moved(state.qpos, step)), promised, longest[:, 0]
@@ -235,20 +238,20 @@ def _state(problem: Problem, window: Window, qpos: Array, last: State | None = N
     points, off = reached(window.places, at)
     turned = angles(window.turns, at)
     change = differences(qpos)
-    bend, rate = np.diff(change, axis=0), change[:, ROOT_DOFS:]
+    bend = np.diff(change, axis=0)
+    paces = Paces((change[:, ROOT_DOFS:], bend[:, ROOT_DOFS:]), (problem.speed * window.step, problem.surge * window.step**2))
     soles = on_body(at, *problem.soles)
     over = soles[..., 2] + SLACK * problem.size
     room = met.apart - problem.gaps[*met.bodies.T]
-    fast = _excess(problem, window, rate, _speeding(problem, window, rate))
     cost = (
         (window.places.weight * (off**2).sum(-1)).sum()
         + (window.turns.weight * (turned**2).sum(-1)).sum()
         + (_smooth(problem, window) * bend**2).sum()
         + POSTURE**2 * ((qpos[:, 7:] - problem.nominal) ** 2).sum()
-        + SPEEDING * (fast**2).sum()
+        + paces.strain(paces.hasty())
         + STIFF / problem.size**2 * ((np.minimum(over, 0.0) ** 2).sum() + (np.minimum(room, 0.0) ** 2).sum())
     )
-    return State(qpos, at, met, points, off, turned, bend, rate, soles, over, room, float(cost), since)
+    return State(qpos, at, met, points, off, turned, bend, paces, soles, over, room, float(cost), since)
 
 
 def _met(
@@ -293,34 +296,3 @@ def _springs(problem: Problem, state: State) -> Springs:
     carried = carries[met.bodies[:, 1]] - carries[met.bodies[:, 0]]
     rows = loops.along(at.axis, at.anchor, met.frame, met.place, met.normal, carried)
     return soles.and_those(Springs(met.frame, rows, state.room))
-
-
-def _speeding(problem: Problem, window: Window, rate: Array) -> Array:
-    """(T − 1, nj): 1 or −1 where a joint that goes by `rate` (T − 1, nj) a frame is faster than it may, that way."""
-    return np.sign(rate) * (np.abs(rate) > problem.speed * window.step)
-
-
-def _equations(
-    problem: Problem, window: Window, state: State, pushed: tuple[Array, Array], speeding: Array
-) -> Equations:
-    """Half the squares of `state`, each linear in the step of the configurations: those of a frame as `pushed`, and if
-    joints are slowed down that are `speeding`.
-    """
-    out = Equations(*pushed)
-    out.add_differences(SECOND, _smooth(problem, window), state.bend)
-    if speeding.any():
-        still = np.zeros((len(speeding), ROOT_DOFS))
-        fast = np.concatenate([still, _excess(problem, window, state.rate, speeding)], axis=1)
-        out.add_differences(FIRST, SPEEDING * np.concatenate([still, np.abs(speeding)], axis=1), fast)
-    return out
-
-
-def _excess(problem: Problem, window: Window, rate: Array, speeding: Array) -> Array:
-    """(T − 1, nj) rad by which joints go faster than they may the way they are `speeding`; 0 elsewhere."""
-    return np.abs(speeding) * rate - speeding * problem.speed * window.step
-
-
-def _strain(problem: Problem, window: Window, state: State, room: Array, speeding: Array) -> float:
-    """What springs cost at `state` that push with this `room` (n,), and the joints that are `speeding`."""
-    fast = _excess(problem, window, state.rate, speeding)
-    return float(STIFF / problem.size**2 * (room**2).sum() + SPEEDING * (fast**2).sum())
