@@ -95,15 +95,17 @@ def standing(goals: dict[str, Goal], rest: Rest) -> Footing:
 
 def frames(goal: Goal, start: int, end: int) -> Goal:
     """Frames `start` up to `end` of a goal."""
-    return replace(goal, pos=goal.pos[start:end], quat=goal.quat[start:end], firm=goal.firm[start:end])
+    return Goal(goal.follow, goal.base, goal.pos[start:end], goal.quat[start:end], goal.firm[start:end])
 
 
 def following(first: Goal, second: Goal) -> Goal:
     """The frames of the one, then of the other."""
+    if not len(first.pos):
+        return second
     pos, quat, firm = (
         np.concatenate([getattr(first, part), getattr(second, part)]) for part in ("pos", "quat", "firm")
     )
-    return replace(first, pos=pos, quat=quat, firm=firm)
+    return Goal(first.follow, first.base, pos, quat, firm)
 
 
 def footed(
