@@ -271,6 +271,19 @@ def after(frame: Indices, rows: Array, room: Array, step: Array) -> Array:
 
 
 @compiled
+def times(curvature: Array, step: Array) -> Array:
+    """(T, nv) the symmetric matrices, of which `curvature` (T, nv, nv) has the lower halves, times `step` (T, nv)."""
+    out = np.zeros_like(step)
+    for t in range(len(step)):
+        for d in range(step.shape[1]):
+            for e in range(d):
+                out[t, d] += curvature[t, d, e] * step[t, e]
+                out[t, e] += curvature[t, d, e] * step[t, d]
+            out[t, d] += curvature[t, d, d] * step[t, d]
+    return out
+
+
+@compiled
 def parts(curvature: Array) -> Indices:
     """(nv,) the first of the unknowns that each is tied to by the lower half of `curvature` (T, nv, nv) in any frame,
     directly or by way of others.

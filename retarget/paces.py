@@ -1,4 +1,4 @@
-"""Springs that hold joints back: where one goes faster than it may, or gets faster or slower too soon."""
+"""Springs that hold joints back: where one goes farther or faster than it may, or gets faster or slower too soon."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from motiongen.rotation import Array
 from retarget.banded import FIRST, SECOND, Equations
 from retarget.loops import ROOT
 
-# How stiff they are, in 1/rad², against first and second differences of the joints; what is left `limits.py` cuts off.
-STIFF = 100.0, 1000.0
-STENCILS = FIRST, SECOND
+# How stiff they are, in 1/rad², against joints and their first and second differences; what is left `limits.py` cuts off.
+STIFF = 1e4, 100.0, 1000.0
+STENCILS = np.ones(1), FIRST, SECOND
 
-Ways = tuple[Array, ...]  # for each of STENCILS 1 or −1 where a joint goes too fast that way, else 0
+Ways = tuple[Array, ...]  # for each of STENCILS 1 or −1 where a joint goes too far or fast that way, else 0
 
 
 @dataclass(frozen=True)
 class Paces:
-    """`values`: the first and the second differences of joints, (T − 1, nj) and (T − 2, nj) rad; `most`: how great each
-    may be, (nj,) rad.
+    """`values`: how far joints are from the middle of their range, (T, nj) rad, and the first and second differences of
+    that; `most`: how great each may be, (nj,) rad.
     """
 
     values: tuple[Array, ...]
@@ -29,10 +29,10 @@ class Paces:
     def after(self, step: Array) -> Paces:
         """The same after `step` (T, nv) of the configurations."""
         joints = step[:, ROOT:]
-        return Paces(tuple(v + np.diff(joints, n=n, axis=0) for n, v in enumerate(self.values, 1)), self.most)
+        return Paces(tuple(v + np.diff(joints, n=n, axis=0) for n, v in enumerate(self.values)), self.most)
 
     def hasty(self) -> Ways:
-        """Where a joint goes too fast, and which way."""
+        """Where a joint goes too far or fast, and which way."""
         return tuple(np.sign(v) * (np.abs(v) > m) for v, m in zip(self.values, self.most, strict=True))
 
     def amiss(self, ways: Ways, share: float) -> bool:
@@ -52,5 +52,5 @@ class Paces:
                 equations.add_differences(stencil, stiff * np.abs(way), excess, ROOT)
 
     def _excess(self, ways: Ways) -> tuple[Array, ...]:
-        """Rad by which joints go faster than they may the way that `ways` has them go; 0 elsewhere."""
+        """Rad by which joints go farther or faster than they may the way that `ways` has them go; 0 elsewhere."""
         return tuple(np.abs(w) * v - w * m for w, v, m in zip(ways, self.values, self.most, strict=True))

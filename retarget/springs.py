@@ -21,9 +21,9 @@ class Springs:
     rows: Array
     room: Array
 
-    def after(self, step: Array) -> Array:
-        """(n,) metres of room after `step` (T, nv)."""
-        return loops.after(self.frame, self.rows, self.room, step)
+    def after(self, step: Array) -> Springs:
+        """The same after `step` (T, nv) of the configurations, all as linear as here."""
+        return Springs(self.frame, self.rows, loops.after(self.frame, self.rows, self.room, step))
 
     def and_those(self, more: Springs) -> Springs:
         """Both."""

@@ -22,7 +22,7 @@ from retarget.window import FIRM, Problem, Window, problem_of, solved
 SMOOTH = 0.025  # s
 # Seconds between the frames that are solved, coarse ones first, which find the way; of how many of them one is looked
 # at for bodies that meet (0: none, they pass through each other), and steps at most.
-STAGES = ((0.4, 0, 30), (0.1, 1, 30), (0.0, 3, 6))
+STAGES = ((0.4, 0, 30), (0.1, 1, 30), (0.0, 3, 12))
 WINDOW, OVERLAP = 20.0, 1.0  # s solved at once, which bounds the memory, and thrown away where the next one takes over
 
 

@@ -2,8 +2,8 @@
 
 What is minimised is the squared error of every follower, the second differences of the configuration (so that the
 motion is as smooth as tracking allows: a low-pass without lag), and a little distance from the nominal pose. Planted
-feet, soles above the floor, bodies that keep apart and joint speeds are springs far stiffer than what pulls at them;
-joint ranges are kept by projection. Each step is Gauss-Newton with Levenberg's damping on equations whose band is two
+feet, soles above the floor, bodies that keep apart and what joints may do are springs far stiffer than what pulls at
+them. Each step is Gauss-Newton with Levenberg's damping on equations whose band is two
 frames wide, so that cost grows linearly with length.
 """
 
@@ -33,12 +33,14 @@ NOTICE = 1.2  # times as far apart they are noticed
 SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
 FIRM = 100.0  # times its weight, a planted foot's goal
+ENOUGH = 0.3  # promised by a step that is the last; a planted foot that is a millimetre off costs more
 GAIN = 0.2  # a step that promises to gain a smaller share of the cost is the last
 PATIENCE = 3  # steps that may lead uphill, or gain less
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 LEAP = 0.7  # rad (or root heights) that one step may move a frame
 DAMPING = 3e-3
 KEPT = 0.25, 0.5  # of what a step promised: below it the next is damped ten times as much, above it a tenth
+LEAST_SHARE = 1e-3  # of a step
 ROUNDS = 3  # in which to find the springs that push after a step, at most
 SLIGHT = 0.1  # of a gap, or of a speed: springs that are out by less are not asked again
 SHORT = 0.2  # rad (or root heights): on a shorter way bodies go on to meet where they did
@@ -156,15 +158,18 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
     and is the last; PATIENCE steps that do not gain are the last too.
     """
     damping, waited = DAMPING, 0
-    state = best = _state(problem, window, _in_reach(problem, qpos))
+    state = best = _state(problem, window, qpos)
     for _ in range(steps):
         stepped, promised, longest = _stepped(problem, window, state, damping, ROUNDS)
-        if promised < GAIN * state.cost and longest.max() < SHORT:
+        if promised < min(GAIN * state.cost, ENOUGH) and longest.max() < SHORT:
             return stepped
         before, state = state.cost, _state(problem, window, stepped, state, longest)
-        kept = (before - state.cost) / max(promised, np.finfo(float).tiny)
-        damping = 10 * damping if kept < KEPT[0] else max(damping / 10, DAMPING) if kept > KEPT[1] else damping
-        waited = 0 if state.cost < (1 - GAIN) * best.cost else waited + 1
+        kept = (before - state.cost) / promised if promised > 0 else 0.0
+        if kept < KEPT[0]:
+            damping *= 10
+        elif kept > KEPT[1] and state.cost < best.cost:
+            damping = max(damping / 10, DAMPING)
+        waited = 0 if state.cost < (1 - GAIN) * before else waited + 1
         best = min(state, best, key=lambda s: s.cost)
         if waited == PATIENCE:
             break
@@ -175,7 +180,7 @@ def followed(problem: Problem, window: Window, qpos: Array, steps: int) -> Array
     """(T, nq) after `steps` Gauss-Newton steps from `qpos` (T, nq), which is near, whether or not they lead downhill:
     along stiff springs every long one leads uphill at first.
     """
-    state = _state(problem, window, _in_reach(problem, qpos))
+    state = _state(problem, window, qpos)
     for _ in range(steps - 1):
         stepped, _, longest = _stepped(problem, window, state, DAMPING, 1)
         state = _state(problem, window, stepped, state, longest)
@@ -186,44 +191,45 @@ def _stepped(problem: Problem, window: Window, state: State, damping: float, rou
     """The configurations a step on, how much less that costs if all is as linear as here, and how far the step goes at
     most (rad, or root heights).
 
-    Ranges are kept by projection (Bertsekas 1982): what is at its end and would go further sits out a step, and what
-    arrives there stops. Which springs push at the end of the step is found by taking it up to `rounds` times.
+    Springs that only push make the cost of a step convex, but not quadratic. So it is found in `rounds`, by Newton's
+    method: each solves for those that push now, and goes that way as far as that costs less.
     """
-    pull, springs = _pull(problem, window, state), _springs(problem, state)
-    pushing, hasty = now = springs.room < 0, state.paces.hasty()
+    held = np.full((len(state.qpos), state.bend.shape[1]), damping)
+    held[:, :ROOT_DOFS] = HELD if problem.fixed_root else damping
+    curvature, gradient = _pull(problem, window, state)
+    springs, paces, bend = _springs(problem, state), state.paces, state.bend
+    step, promised = np.zeros_like(gradient), 0.0
+    stiff, smooth = STIFF / problem.size**2, _smooth(problem, window)
     for _ in range(rounds):
-        solved_for = pushing, hasty
-        equations = Equations(*springs.added(*pull, pushing, STIFF / problem.size**2))
-        equations.add_differences(SECOND, _smooth(problem, window), state.bend)
-        state.paces.hold(equations, hasty)
-        downhill = equations.downhill
-        frozen = _frozen(problem, state.qpos, downhill)
-        step = np.where(frozen, 0.0, equations.solved(window.known, np.where(frozen, HELD, damping)))
+        pushing, hasty = springs.room < 0, paces.hasty()
+        equations = Equations(*springs.added(curvature, gradient, pushing, stiff))
+        equations.add_differences(SECOND, smooth, bend)
+        paces.hold(equations, hasty)
+        more = equations.solved(window.known, held)
+        gain, share = float((equations.downhill * more).sum()), 1.0
+        then, pace = springs.after(more), paces.after(more)
+        wrong = then.room[(then.room < 0) != pushing]
+        amiss = (np.abs(wrong) > SLIGHT * GAP * problem.size).any() or pace.amiss(hasty, SLIGHT)
+        if amiss:
+            before, (gain, share) = gain, (-1.0, 2.0)
+            while share > LEAST_SHARE:  # what it costs is convex: halve the way until that costs more
+                now, pace = springs.after(share / 2 * more), paces.after(share / 2 * more)
+                gains = before * share / 2 * (2 - share / 2) + pace.strain(hasty) - pace.strain(pace.hasty())
+                gains += stiff * float((now.room[pushing] ** 2).sum() - (now.room[now.room < 0] ** 2).sum())
+                if 0 < gain > gains:
+                    break
+                gain, share, then = gains, share / 2, now
+            pace = paces.after(share * more)
+            more = share * more
+        step += more
+        promised += gain
         longest = np.abs(step).max(1, keepdims=True)
-        room, paces = springs.after(step), state.paces.after(step)
-        pushing, hasty = room < 0, paces.hasty()
-        amiss = np.abs(room[pushing != solved_for[0]]) > SLIGHT * GAP * problem.size
-        if longest.max() > LEAP or not (amiss.any() or paces.amiss(solved_for[1], SLIGHT)):
+        if not amiss or longest.max() > LEAP:
             break
-    stiff = STIFF / problem.size**2
-    strain = [stiff * float((springs.room[push] ** 2).sum()) + state.paces.strain(ways) for push, ways in (now, solved_for)]
-    promised = float((downhill * step).sum()) + strain[0] - strain[1]
+        springs, paces, bend = then, pace, bend + np.diff(more, n=2, axis=0)
+        gradient = gradient + loops.times(curvature, more) + held * more
     step *= LEAP / np.maximum(longest, LEAP)
-    return _in_reach(problem, moved(state.qpos, step)), promised, longest[:, 0]
-
-
-def _in_reach(problem: Problem, qpos: Array) -> Array:
-    return np.concatenate([qpos[:, :7], np.clip(qpos[:, 7:], *problem.reach)], axis=1)
-
-
-def _frozen(problem: Problem, qpos: Array, downhill: Array) -> Flags:
-    """(T, nv): at the end of its range with `downhill` (T, nv) beyond it; and a fixed root."""
-    out = np.zeros(downhill.shape, bool)
-    out[:, :ROOT_DOFS] = problem.fixed_root
-    low, high = problem.reach
-    angles, way = qpos[:, 7:], downhill[:, ROOT_DOFS:]
-    out[:, ROOT_DOFS:] = ((angles <= low) & (way < 0)) | ((angles >= high) & (way > 0))
-    return out
+    return moved(state.qpos, step), promised, longest[:, 0]
 
 
 def _smooth(problem: Problem, window: Window) -> Array:
@@ -239,7 +245,11 @@ def _state(problem: Problem, window: Window, qpos: Array, last: State | None = N
     turned = angles(window.turns, at)
     change = differences(qpos)
     bend = np.diff(change, axis=0)
-    paces = Paces((change[:, ROOT_DOFS:], bend[:, ROOT_DOFS:]), (problem.speed * window.step, problem.surge * window.step**2))
+    low, high = problem.reach
+    paces = Paces(
+        (qpos[:, 7:] - (low + high) / 2, change[:, ROOT_DOFS:], bend[:, ROOT_DOFS:]),
+        ((high - low) / 2, problem.speed * window.step, problem.surge * window.step**2),
+    )
     soles = on_body(at, *problem.soles)
     over = soles[..., 2] + SLACK * problem.size
     room = met.apart - problem.gaps[*met.bodies.T]
