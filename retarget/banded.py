@@ -26,13 +26,12 @@ class Equations:
         self.across = np.zeros((frames, REACH + 1, size))  # what ties an unknown to itself, so many frames on
         self.downhill = -gradient
 
-    def add_differences(self, stencil: Array, weight: Array, value: Array, first: int = 0) -> None:
+    def add_differences(self, stencil: Array, weight: Array, value: Array) -> None:
         """Add ½ weight (D x + value)², where D is `stencil` (k,) over neighbouring frames.
 
-        `value` is (T − k + 1, m) of the m unknowns from the `first` on, and so is `weight`, or (m,) where it is the
-        same in all frames.
+        `value` is (T − k + 1, n), and so is `weight`, or (n,) where it is the same in all frames.
         """
-        loops.add_differences(self.across, self.downhill, stencil, np.atleast_2d(weight), value, first)
+        loops.add_differences(self.across, self.downhill, stencil, np.atleast_2d(weight), value)
 
     def solved(self, known: int, damping: Array) -> Array:
         """x (T, n), its first `known` frames held at zero and `damping` (T, n) added to the diagonal.

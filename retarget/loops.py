@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+Ways = NDArray[np.int8]
 F = TypeVar("F", bound=Callable[..., Any])
 
 SLIDES = 3  # degrees of freedom that slide; they come first
@@ -271,6 +272,76 @@ def after(frame: Indices, rows: Array, room: Array, step: Array) -> Array:
 
 
 @compiled
+def paced(values: Array, step: Array) -> Array:
+    """`values` (3, T, nj) after `step` (T, nj): of it, and of its first and second differences from each frame on."""
+    out = values.copy()
+    frames = len(step)
+    for t in range(frames):
+        for j in range(step.shape[1]):
+            out[0, t, j] += step[t, j]
+            if t + 1 < frames:
+                out[1, t, j] += step[t + 1, j] - step[t, j]
+            if t + 2 < frames:
+                out[2, t, j] += step[t + 2, j] - 2 * step[t + 1, j] + step[t, j]
+    return out
+
+
+@compiled
+def hasty(values: Array, most: Array) -> Ways:
+    """(3, T, nj): 1 where one of `values` (3, T, nj) is above `most` (3, nj), −1 where it is below the opposite."""
+    out = np.zeros(values.shape, np.int8)
+    for n in range(3):
+        for t in range(values.shape[1]):
+            for j in range(values.shape[2]):
+                out[n, t, j] = (values[n, t, j] > most[n, j]) - (values[n, t, j] < -most[n, j])
+    return out
+
+
+@compiled
+def amiss(values: Array, most: Array, ways: Ways, share: float) -> bool:
+    """Whether one of `values` is beyond `most` by more than a `share` of it and `ways` does not say so, or does, and it
+    is within by more.
+    """
+    for n in range(3):
+        for t in range(values.shape[1]):
+            for j in range(values.shape[2]):
+                value, limit, way = values[n, t, j], most[n, j], ways[n, t, j]
+                if way == 0 and abs(value) > (1 + share) * limit or way != 0 and way * value < (1 - share) * limit:
+                    return True
+    return False
+
+
+@compiled
+def strain(values: Array, most: Array, ways: Ways, stiff: Array) -> float:
+    """The sum of squares of what `values` are beyond `most` the way that `ways` says, times `stiff` (3,)."""
+    out = 0.0
+    for n in range(3):
+        for t in range(values.shape[1]):
+            for j in range(values.shape[2]):
+                if ways[n, t, j] != 0:
+                    out += stiff[n] * (ways[n, t, j] * values[n, t, j] - most[n, j]) ** 2
+    return out
+
+
+@compiled
+def hold(across: Array, downhill: Array, values: Array, most: Array, ways: Ways, stiff: Array) -> None:
+    """Add half of `strain` to what ties unknowns to themselves, `across` (T, 1 + REACH, nv), and to `downhill` (T, nv)."""
+    stencils = ((1.0, 0.0, 0.0), (-1.0, 1.0, 0.0), (1.0, -2.0, 1.0))
+    for n in range(3):
+        stencil = stencils[n]
+        for t in range(values.shape[1]):
+            for j in range(values.shape[2]):
+                way = ways[n, t, j]
+                if way == 0:
+                    continue
+                push = stiff[n] * (values[n, t, j] - way * most[n, j])
+                for i in range(n + 1):
+                    downhill[t + i, ROOT + j] -= stencil[i] * push
+                    for k in range(i + 1):
+                        across[t + k, i - k, ROOT + j] += stiff[n] * stencil[i] * stencil[k]
+
+
+@compiled
 def times(curvature: Array, step: Array) -> Array:
     """(T, nv) the symmetric matrices, of which `curvature` (T, nv, nv) has the lower halves, times `step` (T, nv)."""
     out = np.zeros_like(step)
@@ -305,10 +376,10 @@ def parts(curvature: Array) -> Indices:
 
 
 @compiled
-def add_differences(across: Array, downhill: Array, stencil: Array, weight: Array, value: Array, first: int) -> None:
+def add_differences(across: Array, downhill: Array, stencil: Array, weight: Array, value: Array) -> None:
     """Add ½ `weight` (D x + `value`)² to what ties unknowns to themselves, `across` (T, 1 + REACH, n), and to
-    `downhill` (T, n): D is `stencil` (k,) over neighbouring frames, `value` (T − k + 1, m) is of the unknowns from the
-    `first` on, and `weight` as that or of one frame.
+    `downhill` (T, n): D is `stencil` (k,) over neighbouring frames, `value` (T − k + 1, n), and `weight` as that or of
+    one frame.
     """
     for t in range(len(value)):
         for d in range(value.shape[1]):
@@ -317,9 +388,9 @@ def add_differences(across: Array, downhill: Array, stencil: Array, weight: Arra
                 continue
             for i in range(len(stencil)):
                 pull = stencil[i] * w
-                downhill[t + i, first + d] -= pull * value[t, d]
+                downhill[t + i, d] -= pull * value[t, d]
                 for j in range(i + 1):
-                    across[t + j, i - j, first + d] += pull * stencil[j]
+                    across[t + j, i - j, d] += pull * stencil[j]
 
 
 @compiled

@@ -21,7 +21,7 @@ from retarget import loops
 from retarget.banded import SECOND, Equations
 from retarget.kinematics import ROOT_DOFS, Meetings, Poses, Tree, meetings, on_body, poses, tree_of
 from retarget.loops import Flags, Indices, differences, moved
-from retarget.paces import Paces
+from retarget.paces import Paces, paces_of
 from retarget.rig import Rig
 from retarget.springs import Springs
 from retarget.tracking import Places, Turns, angles, pulls, reached
@@ -243,13 +243,10 @@ def _state(problem: Problem, window: Window, qpos: Array, last: State | None = N
     met, since = _met(problem, window, qpos, at, last, longest)
     points, off = reached(window.places, at)
     turned = angles(window.turns, at)
-    change = differences(qpos)
-    bend = np.diff(change, axis=0)
+    bend = np.diff(differences(qpos), axis=0)
     low, high = problem.reach
-    paces = Paces(
-        (qpos[:, 7:] - (low + high) / 2, change[:, ROOT_DOFS:], bend[:, ROOT_DOFS:]),
-        ((high - low) / 2, problem.speed * window.step, problem.surge * window.step**2),
-    )
+    most = np.array([(high - low) / 2, problem.speed * window.step, problem.surge * window.step**2])
+    paces = paces_of(qpos[:, 7:] - (low + high) / 2, most)
     soles = on_body(at, *problem.soles)
     over = soles[..., 2] + SLACK * problem.size
     room = met.apart - problem.gaps[*met.bodies.T]
