@@ -12,7 +12,7 @@ from retarget.banded import Equations
 from retarget.loops import ROOT, Ways
 
 # How stiff they are, in 1/rad², against joints and their first and second differences; what is left `limits.py` cuts off.
-STIFF = np.array([1e4, 100.0, 1000.0])
+STIFF = np.array([1e4, 1e4, 1e4])
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ GAP = 0.01  # of the root height: how far apart bodies stay that are not nearer 
 NOTICE = 1.2  # times as far apart they are noticed
 SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
+AIM = 0.97  # of a joint's speed and acceleration: what goes slightly beyond still keeps to them
 FIRM = 100.0  # times its weight, a planted foot's goal
 ENOUGH = 0.3  # promised by a step that is the last; a planted foot that is a millimetre off costs more
 GAIN = 0.2  # a step that promises to gain a smaller share of the cost is the last
@@ -160,7 +161,7 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
     damping, waited = DAMPING, 0
     state = best = _state(problem, window, qpos)
     for _ in range(steps):
-        stepped, promised, longest = _stepped(problem, window, state, damping, ROUNDS)
+        stepped, promised, longest = _stepped(problem, window, state, damping)
         if promised < min(GAIN * state.cost, ENOUGH) and longest.max() < SHORT:
             return stepped
         before, state = state.cost, _state(problem, window, stepped, state, longest)
@@ -182,16 +183,16 @@ def followed(problem: Problem, window: Window, qpos: Array, steps: int) -> Array
     """
     state = _state(problem, window, qpos)
     for _ in range(steps - 1):
-        stepped, _, longest = _stepped(problem, window, state, DAMPING, 1)
+        stepped, _, longest = _stepped(problem, window, state, DAMPING)
         state = _state(problem, window, stepped, state, longest)
-    return _stepped(problem, window, state, DAMPING, 1)[0]
+    return _stepped(problem, window, state, DAMPING)[0]
 
 
-def _stepped(problem: Problem, window: Window, state: State, damping: float, rounds: int) -> tuple[Array, float, Array]:
+def _stepped(problem: Problem, window: Window, state: State, damping: float) -> tuple[Array, float, Array]:
     """The configurations a step on, how much less that costs if all is as linear as here, and how far the step goes at
     most (rad, or root heights).
 
-    Springs that only push make the cost of a step convex, but not quadratic. So it is found in `rounds`, by Newton's
+    Springs that only push make the cost of a step convex, but not quadratic. So it is found in ROUNDS, by Newton's
     method: each solves for those that push now, and goes that way as far as that costs less.
     """
     held = np.full((len(state.qpos), state.bend.shape[1]), damping)
@@ -200,12 +201,13 @@ def _stepped(problem: Problem, window: Window, state: State, damping: float, rou
     springs, paces, bend = _springs(problem, state), state.paces, state.bend
     step, promised = np.zeros_like(gradient), 0.0
     stiff, smooth = STIFF / problem.size**2, _smooth(problem, window)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         pushing, hasty = springs.room < 0, paces.hasty()
         equations = Equations(*springs.added(curvature, gradient, pushing, stiff))
         equations.add_differences(SECOND, smooth, bend)
         paces.hold(equations, hasty)
         more = equations.solved(window.known, held)
+        more[:, :ROOT_DOFS] *= not problem.fixed_root
         gain, share = float((equations.downhill * more).sum()), 1.0
         then, pace = springs.after(more), paces.after(more)
         wrong = then.room[(then.room < 0) != pushing]
@@ -245,8 +247,8 @@ def _state(problem: Problem, window: Window, qpos: Array, last: State | None = N
     turned = angles(window.turns, at)
     bend = np.diff(differences(qpos), axis=0)
     low, high = problem.reach
-    most = np.array([(high - low) / 2, problem.speed * window.step, problem.surge * window.step**2])
-    paces = paces_of(qpos[:, 7:] - (low + high) / 2, most)
+    speed, surge = AIM * problem.speed * window.step, AIM * problem.surge * window.step**2
+    paces = paces_of(qpos[:, 7:] - (low + high) / 2, np.array([(high - low) / 2, speed, surge]))
     soles = on_body(at, *problem.soles)
     over = soles[..., 2] + SLACK * problem.size
     room = met.apart - problem.gaps[*met.bodies.T]

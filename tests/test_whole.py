@@ -201,7 +201,7 @@ def test_springs_add_up_frame_by_frame() -> None:
     springs = Springs(frame, rows, room)
     curvature, gradient = springs.added(*before, pushing, 3.0)
     step = rng.normal(size=(6, 4))
-    assert springs.after(step) == pytest.approx([p + r @ step[t] for t, r, p in zip(frame, rows, room, strict=True)])
+    assert springs.after(step).room == pytest.approx([p + r @ step[t] for t, r, p in zip(frame, rows, room, strict=True)])
     for t in range(6):
         mine = (frame == t) & pushing
         assert np.tril(curvature[t]) == pytest.approx(np.tril(1 + 3 * rows[mine].T @ rows[mine]))
