@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 SMALL = 1000  # numbers, below which the calls of numpy cost more than what they compute
-# Of each pair of parts, what it adds to the parts of the product: the rules i² = j² = k² = ijk = −1, and those of cross.
-_TIMES, _CROSS = np.zeros((4, 4, 4)), np.zeros((3, 3, 3))
+# What each pair of parts adds to the parts of the product: the rules i² = j² = k² = ijk = −1, and those of cross.
+_TIMES: Array = np.zeros((4, 4, 4))
+_CROSS: Array = np.zeros((3, 3, 3))
 _TIMES[0, range(4), range(4)] = _TIMES[range(4), 0, range(4)] = 1.0
 _TIMES[range(1, 4), range(1, 4), 0] = -1.0
 for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):

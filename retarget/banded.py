@@ -51,4 +51,3 @@ class Equations:
                 raise np.linalg.LinAlgError(f"the equations of {len(x)} frames are not positive definite")
             x[known:, part] = found.reshape(-1, len(part))
         return x
-

@@ -86,9 +86,7 @@ def pinned(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], fps: f
     return out
 
 
-def _spots(
-    goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], gap: float
-) -> dict[tuple[str, int], Array]:
+def _spots(goals: dict[str, Goal], rest: Rest, planted: dict[str, Flags], gap: float) -> dict[tuple[str, int], Array]:
     """Where each foot stands, (x, y, yaw), by its name and the frame from which it does: where its goal is on average,
     or as near as that is not on the other one. Of two the later gives way, and both where they are set down at once.
     """
@@ -97,7 +95,9 @@ def _spots(
     for start, end, foot in stands:
         goal = goals[foot]
         x, y = goal.pos[start:end, :2].mean(0)
-        spot = spots[foot, start] = np.array([x, y, yaw_of_quat(quat_mul(goal.quat[start], quat_conj(rest.turn[foot])))])
+        spot = spots[foot, start] = np.array(
+            [x, y, yaw_of_quat(quat_mul(goal.quat[start], quat_conj(rest.turn[foot])))]
+        )
         for begun, ended, other in stands:
             if other != foot and (other, begun) in spots and ended > start:
                 its = spots[other, begun]

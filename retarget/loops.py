@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numba import njit
@@ -29,14 +29,14 @@ TINY = 1e-9  # the sine of half an angle that has no direction
 def compiled(function: F) -> F:
     """`function` as machine code, kept on disk where there is a place for it."""
     try:
-        return njit(cache=True, nogil=True)(function)
+        return cast(F, njit(cache=True, nogil=True)(function))
     except RuntimeError:  # no folder that may be written to
-        return njit(nogil=True)(function)
+        return cast(F, njit(nogil=True)(function))
 
 
 class Bones(NamedTuple):
     """What forward kinematics needs of a model. Of each body its `parent`, `offset` (nbody, 3) and `turn` (nbody, 4) in
-    the parent's frame, its `first` degree of freedom and their `count`; of each degree of freedom, in its body's frame,
+    the parent's frame, its `first` degree of freedom and how `many` it has; of each degree of freedom, in its body's frame,
     the `axis` and the `anchor` (nv, 3), and the angle `rest` (nv,) at which the body is turned by `turn` alone.
     """
 
@@ -44,7 +44,7 @@ class Bones(NamedTuple):
     offset: Array
     turn: Array
     first: Indices
-    count: Indices
+    many: Indices
     axis: Array
     anchor: Array
     rest: Array
@@ -106,7 +106,7 @@ def forward(bones: Bones, qpos: Array) -> tuple[Array, Array, Array, Array, Arra
         turn[t, 0, 0] = 1.0
         _fill_matrix(turn[t, 0], matrix[t, 0])
         for b in range(1, bodies):
-            above, first, count = bones.parent[b], bones.first[b], bones.count[b]
+            above, first, count = bones.parent[b], bones.first[b], bones.many[b]
             p, q, m = place[t, b], turn[t, b], matrix[t, b]
             if count == ROOT:
                 for k in range(3):
@@ -306,7 +306,9 @@ def amiss(values: Array, most: Array, ways: Ways, share: float) -> bool:
         for t in range(values.shape[1]):
             for j in range(values.shape[2]):
                 value, limit, way = values[n, t, j], most[n, j], ways[n, t, j]
-                if way == 0 and abs(value) > (1 + share) * limit or way != 0 and way * value < (1 - share) * limit:
+                if way == 0 and abs(value) > (1 + share) * limit:
+                    return True
+                if way != 0 and way * value < (1 - share) * limit:
                     return True
     return False
 
@@ -325,7 +327,7 @@ def strain(values: Array, most: Array, ways: Ways, stiff: Array) -> float:
 
 @compiled
 def hold(across: Array, downhill: Array, values: Array, most: Array, ways: Ways, stiff: Array) -> None:
-    """Add half of `strain` to what ties unknowns to themselves, `across` (T, 1 + REACH, nv), and to `downhill` (T, nv)."""
+    """Add half of `strain` to what ties unknowns to themselves, `across` (T, 1 + REACH, nv), and `downhill` (T, nv)."""
     stencils = ((1.0, 0.0, 0.0), (-1.0, 1.0, 0.0), (1.0, -2.0, 1.0))
     for n in range(3):
         stencil = stencils[n]

@@ -11,7 +11,7 @@ from retarget import loops
 from retarget.banded import Equations
 from retarget.loops import ROOT, Ways
 
-# How stiff they are, in 1/rad², against joints and their first and second differences; what is left `limits.py` cuts off.
+# In 1/rad², against joints and their first and second differences; what is left `limits.py` cuts off.
 STIFF = np.array([1e4, 1e4, 1e4])
 
 

@@ -16,6 +16,7 @@ from motiongen.motion import Motion, Skeleton, cut
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, slerp
 from retarget.banded import REACH
 from retarget.contacts import Flags
+from retarget.descent import followed
 from retarget.footing import Footing, Ground, footed, standing
 from retarget.goals import ROOT, Goal, goals, leg_scale, root_goal
 from retarget.incoming import HALF, Incoming, taken
@@ -29,7 +30,7 @@ from retarget.rig import Mount, Rig
 from retarget.timeline import eased
 from retarget.tracking import Places, Turns, targets_of
 from retarget.whole import SMOOTH, firmed
-from retarget.window import Problem, Window, followed, problem_of
+from retarget.window import Problem, Window, problem_of
 
 LEAD = 1.0  # s in which the goals go over from the nominal pose to the motion
 LOOK = 2  # frames, of which one is looked at for bodies that meet

@@ -13,11 +13,12 @@ import numpy as np
 from motiongen.rotation import Array, quat_continuous, quat_normalize
 from retarget.banded import REACH
 from retarget.contacts import Flags
+from retarget.descent import solved
 from retarget.goals import ROOT, Goal
 from retarget.limits import limits_of, within
 from retarget.rig import Rig
 from retarget.tracking import Places, Turns, targets_of
-from retarget.window import FIRM, Problem, Window, problem_of, solved
+from retarget.window import FIRM, Problem, Window, problem_of
 
 SMOOTH = 0.025  # s
 # Seconds between the frames that are solved, coarse ones first, which find the way; of how many of them one is looked

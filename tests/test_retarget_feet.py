@@ -30,7 +30,12 @@ def test_a_foot_that_passes_the_other_clears_the_floor() -> None:
     sole = np.array([[-0.05, 0.0, -0.08], [0.15, 0.0, -0.08]])
     upright = np.array([1.0, 0, 0, 0])
     feet = ("left_ankle", "right_ankle")
-    rest = Rest(dict.fromkeys(feet, np.zeros(3)), dict.fromkeys(feet, upright), dict.fromkeys(feet, sole), dict.fromkeys(feet, np.zeros((2, 2))))
+    rest = Rest(
+        dict.fromkeys(feet, np.zeros(3)),
+        dict.fromkeys(feet, upright),
+        dict.fromkeys(feet, sole),
+        dict.fromkeys(feet, np.zeros((2, 2))),
+    )
     follow = {foot: next(f for f in load_rig("humanoid").follow if f.human == foot) for foot in feet}
     still = np.tile([0.0, 0.1, 0.08], (count, 1))
     sliding = np.stack([np.arange(count) / fps, np.full(count, -0.1), np.full(count, 0.08)], axis=1)

@@ -198,10 +198,12 @@ def test_springs_add_up_frame_by_frame() -> None:
     frame, rows, room = np.array([0, 2, 2, 2, 5]), rng.normal(size=(5, 4)), rng.normal(size=5)
     pushing = np.array([True, True, False, True, True])
     before = np.ones((6, 4, 4)), np.ones((6, 4))
-    springs = Springs(frame, rows, room)
-    curvature, gradient = springs.added(*before, pushing, 3.0)
+    springs = Springs(frame, rows, room, 3.0, 0.0)
+    curvature, gradient = springs.added(*before, pushing)
     step = rng.normal(size=(6, 4))
-    assert springs.after(step).room == pytest.approx([p + r @ step[t] for t, r, p in zip(frame, rows, room, strict=True)])
+    assert springs.after(step).room == pytest.approx(
+        [p + r @ step[t] for t, r, p in zip(frame, rows, room, strict=True)]
+    )
     for t in range(6):
         mine = (frame == t) & pushing
         assert np.tril(curvature[t]) == pytest.approx(np.tril(1 + 3 * rows[mine].T @ rows[mine]))
