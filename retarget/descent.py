@@ -21,6 +21,7 @@ DAMPING = 3e-3
 KEPT = 0.25, 0.5  # of what a step promised: below it the next is damped ten times as much, above it a tenth
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 ROUNDS = 3  # in which to find the springs that push after a step, at most
+FEW = 2  # of the first step; each after it may take one more
 LEAST_SHARE = 1e-3  # of the way that a round would go
 
 
@@ -33,8 +34,8 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
     """
     damping, waited = DAMPING, 0
     state = best = state_of(problem, window, qpos)
-    for _ in range(steps):
-        stepped, promised, longest = _stepped(problem, window, state, damping)
+    for done in range(steps):
+        stepped, promised, longest = _stepped(problem, window, state, damping, FEW + done)
         if promised < min(GAIN * state.cost, ENOUGH) and longest.max() < SHORT:
             return stepped
         before, state = state.cost, state_of(problem, window, stepped, state, longest)
@@ -56,16 +57,16 @@ def followed(problem: Problem, window: Window, qpos: Array, steps: int) -> Array
     """
     state = state_of(problem, window, qpos)
     for _ in range(steps - 1):
-        stepped, _, longest = _stepped(problem, window, state, DAMPING)
+        stepped, _, longest = _stepped(problem, window, state, DAMPING, ROUNDS)
         state = state_of(problem, window, stepped, state, longest)
-    return _stepped(problem, window, state, DAMPING)[0]
+    return _stepped(problem, window, state, DAMPING, ROUNDS)[0]
 
 
-def _stepped(problem: Problem, window: Window, state: State, damping: float) -> tuple[Array, float, Array]:
+def _stepped(problem: Problem, window: Window, state: State, damping: float, rounds: int) -> tuple[Array, float, Array]:
     """The configurations a step on, how much less that costs if all is as linear as here, and how far the step goes at
     most in each frame (rad, or root heights).
 
-    Springs that only push make the cost of a step convex, but not quadratic. So it is found in ROUNDS, by Newton's
+    Springs that only push make the cost of a step convex, but not quadratic. So it is found in `rounds`, by Newton's
     method: each solves for those that push now, and goes that way as far as that costs less.
     """
     curvature, gradient = pulls_of(problem, window, state)
@@ -73,7 +74,7 @@ def _stepped(problem: Problem, window: Window, state: State, damping: float) -> 
     held = np.full(gradient.shape, damping)
     held[:, :ROOT_DOFS] = HELD if problem.fixed_root else damping
     step, promised = np.zeros_like(gradient), 0.0
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         pushing = pushes.pushing()
         equations = Equations(*pushes.springs.added(curvature, gradient, pushing[0]))
         equations.add_differences(SECOND, smooth, bend)

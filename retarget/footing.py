@@ -22,9 +22,10 @@ from motiongen.rotation import (
     yaw_quat,
 )
 from retarget.contacts import RELEASE, SHORTEST, SUPPORT_HEIGHT, Flags, above_floor, feet, slow_and_low
-from retarget.feet import CLEARANCE, FIRMING, PASSING, SWING
+from retarget.feet import BESIDE, CLEARANCE, FIRMING, PASSING, SWING
 from retarget.goals import Goal
 from retarget.rest import Rest
+from retarget.treads import kept_apart
 
 LET_GO = 0.2  # s in which a foot that lifts forgets where it stood
 NO_ROWS = (np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0), np.zeros(0, bool))
@@ -53,8 +54,9 @@ class Ground:
 @dataclass(frozen=True)
 class Foot:
     """One foot: whether it is `planted` and for how many frames not (`away`); for how many newest frames its human's
-    has `stood` or been `up` without a break; the `spot` (x, y, yaw) where it stands or is about to; how its goal is
-    moved, `shift` (3,) m, and `turn` (3,) rad, and where it was asked for `before` (2,) all that.
+    has `stood` or been `up` without a break; the `spot` (x, y, yaw) where it stands or is about to, `aside` (2,) of the
+    human's so as not to stand on the other one; how its goal is moved, `shift` (3,) m, and `turn` (3,) rad, and where
+    it was asked for `before` (2,) all that.
     """
 
     planted: bool
@@ -62,6 +64,7 @@ class Foot:
     stood: int
     up: int
     spot: Array
+    aside: Array
     shift: Array
     turn: Array
     before: Array | None
@@ -87,7 +90,7 @@ class Footing:
 
 def standing(goals: dict[str, Goal], rest: Rest) -> Footing:
     """Before the first frame; `goals` are any of the rig's."""
-    foot = Foot(False, 10**6, 0, 0, np.zeros(3), np.zeros(3), np.zeros(3), None)
+    foot = Foot(False, 10**6, 0, 0, np.zeros(3), np.zeros(2), np.zeros(3), np.zeros(3), None)
     none = {name: frames(g, 0, 0) for name, g in goals.items()}
     these = {name: foot for name in rest.soles if name in goals}
     return Footing(these, None, np.zeros(4, bool), 0.0, 0.0, 0, none, np.zeros(0), np.zeros(0, bool))
@@ -127,9 +130,8 @@ def footed(
         touch = _touch(ground, state, motion, joints[new], height[new], new)
         state = replace(state, touch=touch, joints=joints[new])
         newest, now = waiting + new, waiting + new - ground.ahead
-        state = replace(
-            state, feet={n: _stood(ground, f, touch, n, all_goals[n], newest) for n, f in state.feet.items()}
-        )
+        stood = {n: _stood(ground, f, touch, n, all_goals[n], newest) for n, f in state.feet.items()}
+        state = replace(state, feet=_beside(ground, state.feet, stood))
         if now < 0:
             continue
         state, rise = _set_down(ground, state, all_goals, heights[now], bool(held[now]), newest)
@@ -177,6 +179,23 @@ def _stood(ground: Ground, foot: Foot, touch: Flags, name: str, goal: Goal, newe
     return replace(foot, stood=stood, up=up, planted=planted, away=0 if planted else foot.away + 1, spot=spot)
 
 
+def _beside(ground: Ground, before: dict[str, Foot], feet: dict[str, Foot]) -> dict[str, Foot]:
+    """The `feet` with those that are being set down aside of those that stand; `before` it is the same of the frame
+    before. Once a foot stands it stays.
+    """
+    out = dict(feet)
+    for name, foot in feet.items():
+        if before[name].planted or not foot.stood:
+            continue
+        aside = np.zeros(2)
+        for other, its in out.items():
+            if other != name and its.planted:
+                there, treads = its.spot + np.array([*its.aside, 0.0]), ground.rest.treads
+                aside = kept_apart(foot.spot, treads[name], there, treads[other], BESIDE * ground.size)
+        out[name] = replace(foot, aside=aside)
+    return out
+
+
 def _set_down(
     ground: Ground, state: Footing, goals: dict[str, Goal], height: float, held: bool, newest: int
 ) -> tuple[Footing, float]:
@@ -212,7 +231,7 @@ def _moved(ground: Ground, foot: Foot, goal: Goal, name: str, rise: float, now: 
     at, share = _when(ground, foot, now, newest)
     x, y, z = goal.pos[at]
     floor = -_lowest(ground, foot, goal, name, at)
-    wanted = np.array([foot.spot[0] - x, foot.spot[1] - y, floor - z - rise])
+    wanted = np.array([*(foot.spot[:2] + foot.aside - [x, y]), floor - z - rise])
     return replace(foot, shift=foot.shift + share * (wanted - foot.shift))
 
 

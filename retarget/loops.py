@@ -36,8 +36,8 @@ def compiled(function: F) -> F:
 
 class Bones(NamedTuple):
     """What forward kinematics needs of a model. Of each body its `parent`, `offset` (nbody, 3) and `turn` (nbody, 4) in
-    the parent's frame, its `first` degree of freedom and how `many` it has; of each degree of freedom, in its body's frame,
-    the `axis` and the `anchor` (nv, 3), and the angle `rest` (nv,) at which the body is turned by `turn` alone.
+    the parent's frame, its `first` degree of freedom and how `many` it has; of each of these, in its body's frame, the
+    `axis` and the `anchor` (nv, 3), and the angle `rest` (nv,) at which the body is turned by `turn` alone.
     """
 
     parent: Indices
