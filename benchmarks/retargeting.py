@@ -27,7 +27,7 @@ from motiongen.motion import Motion, cut
 from motiongen.rotation import Array
 from retarget.contacts import Flags, planted
 from retarget.goals import Goal
-from retarget.kinematics import Tree, on_body, poses, tree_of
+from retarget.kinematics import Tree, meetings, on_body, poses, tree_of
 from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
@@ -54,6 +54,7 @@ class Figures:
     skate_m_per_s: float
     planted_moves_m: float
     penetration_m: float
+    overlap_m: float
     jerk_rad_per_s3: float
     over_range: float
     over_speed: float
@@ -130,6 +131,7 @@ def measured(rig: Rig, tree: Tree, clip: Clip, qpos: Array) -> dict[str, float]:
         "skate_m_per_s": float(np.mean(skate)) if skate else 0.0,
         "planted_moves_m": max(moves),
         "penetration_m": float(np.max(low, axis=0).mean()),
+        "overlap_m": float(overlap(rig, tree.model, qpos).mean()),
         "jerk_rad_per_s3": float(np.abs(np.diff(joints, n=3, axis=0)).mean() * FPS**3),
         "over_range": float(
             ((joints < [j.lower - ROUNDING for j in limits]) | (joints > [j.upper + ROUNDING for j in limits])).mean()
@@ -137,6 +139,16 @@ def measured(rig: Rig, tree: Tree, clip: Clip, qpos: Array) -> dict[str, float]:
         "over_speed": float((speed > [j.velocity + ROUNDING * FPS for j in limits]).mean()),
         "over_acceleration": float((acceleration > [j.acceleration + ROUNDING * FPS**2 for j in limits]).mean()),
     }
+
+
+def overlap(rig: Rig, model: mujoco.MjModel, qpos: Array) -> Array:
+    """(T,) metres by which two bodies are inside each other, at most, or more so than in the nominal pose."""
+    usual, out = np.zeros((model.nbody, model.nbody)), np.zeros(len(qpos))
+    for where, poses_of in ((usual, nominal(rig)[None]), (out, qpos)):
+        met = meetings(model, poses_of)
+        deeper = -met.apart - (usual[*met.bodies.T] if where is out else 0.0)
+        np.maximum.at(where, met.frame if where is out else tuple(met.bodies.T), deeper)
+    return out
 
 
 def compared(rig: Rig, model: mujoco.MjModel, clips: list[Clip]) -> tuple[dict[str, Figures], list[Line]]:
