@@ -11,6 +11,7 @@ install: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install -c constraints.txt -e ".[all,dev]"
+	$(BIN)/python -m retarget
 	touch $@
 
 demo: $(STAMP)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
@@ -32,6 +33,11 @@ def compiled(function: F) -> F:
         return cast(F, njit(cache=True, nogil=True)(function))
     except RuntimeError:  # no folder that may be written to
         return cast(F, njit(nogil=True)(function))
+
+
+def kept() -> bool:
+    """Whether there is machine code on disk, so that nothing waits for it to be compiled."""
+    return any(Path(differences.stats.cache_path).glob("loops.differences-*.nbc"))  # type: ignore[attr-defined]
 
 
 class Bones(NamedTuple):

@@ -92,8 +92,9 @@ def take(
         from sim.fix import judge_mended
     if isinstance(what, Motion):
         with times.stage("import kinematics"):
+            from retarget import loops
             from retarget.retarget import retarget
-        with times.stage("retarget"):
+        with times.stage("retarget" if loops.kept() else "compile the solver, once, and retarget"):
             trajectory = retarget(what, rig, mount=mount)
     else:
         trajectory = what

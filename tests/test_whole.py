@@ -15,6 +15,7 @@ from two_arm_rig import two_arm_rig
 from motiongen.motion import Motion
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
 from retarget import loops
+from retarget.__main__ import main as warm_up
 from retarget.banded import FIRST, SECOND, Equations
 from retarget.contacts import planted, runs
 from retarget.goals import Goal
@@ -341,3 +342,14 @@ def test_short_clips(frames: int) -> None:
 def test_the_same_twice() -> None:
     rig, clip = load_rig("puppet"), motions.wave(seconds=1)
     assert (stood(rig, clip)[0] == stood(rig, clip)[0]).all()
+
+
+def test_what_install_compiles_is_all_that_clips_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loops, "kept", lambda: False)
+    warm_up()
+    late = [
+        name
+        for name, loop in vars(loops).items()
+        if name[0] != "_" and hasattr(loop, "signatures") and not loop.signatures
+    ]
+    assert late == []
