@@ -29,9 +29,11 @@ class Equations:
     def add_differences(self, stencil: Array, weight: Array, value: Array) -> None:
         """Add ½ weight (D x + value)², where D is `stencil` (k,) over neighbouring frames.
 
-        `value` is (T − k + 1, n), and so is `weight`, or (n,) where it is the same in all frames.
+        `value` is (T − k + 1, n), and so is `weight`, or (n,) or (1,) where it is the same in all frames.
         """
-        loops.add_differences(self.across, self.downhill, stencil, np.atleast_2d(weight), value)
+        each = np.atleast_2d(weight)
+        each = np.ascontiguousarray(np.broadcast_to(each, (len(each), value.shape[1])))
+        loops.add_differences(self.across, self.downhill, stencil, each, value)
 
     def solved(self, known: int, damping: Array) -> Array:
         """x (T, n), its first `known` frames held at zero and `damping` (T, n) added to the diagonal.

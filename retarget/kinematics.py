@@ -9,15 +9,35 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass, fields
 from functools import lru_cache
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from motiongen.rotation import Array, cross
-from retarget import loops
-from retarget.loops import Bones, Flags, Indices
+from retarget.contacts import Flags
 
-ROOT_DOFS = loops.ROOT  # of the free joint: metres along the world's axes, then radians about the root's own
+Indices = NDArray[np.intp]
+
+ROOT_DOFS = 6  # of the free joint: metres along the world's axes, then radians about the root's own
+SLIDES = 3  # of these come first and slide
+
+
+class Bones(NamedTuple):
+    """What forward kinematics needs of a model. Of each body its `parent`, `offset` (nbody, 3) and `turn` (nbody, 4) in
+    the parent's frame, its `first` degree of freedom and how `many` it has; of each of these, in its body's frame, the
+    `axis` and the `anchor` (nv, 3), and the angle `rest` (nv,) at which the body is turned by `turn` alone.
+    """
+
+    parent: Indices
+    offset: Array
+    turn: Array
+    first: Indices
+    many: Indices
+    axis: Array
+    anchor: Array
+    rest: Array
 
 
 @dataclass(frozen=True)
@@ -94,6 +114,8 @@ def tree_of(model: mujoco.MjModel) -> Tree:
 
 def poses(tree: Tree, qpos: Array) -> Poses:
     """Poses of the configurations `qpos` (T, nq)."""
+    from retarget import loops
+
     return Poses(*loops.forward(tree.bones, np.ascontiguousarray(qpos, float)))
 
 
@@ -128,12 +150,14 @@ def velocities(at: Poses, dofs: Indices, points: Array, frames: Indices | slice 
     """
     axis, anchor = at.axis[frames][:, dofs], at.anchor[frames][:, dofs]
     out = cross(axis, points - anchor)
-    slide = dofs < loops.SLIDES
+    slide = dofs < SLIDES
     out[:, slide] = axis[:, slide]
     return out
 
 
 def on_body(at: Poses, bodies: Indices, points: Array) -> Array:
     """(T, k, 3) world positions of `points` (k, 3) or (T, k, 3), each in the frame of its body of `bodies` (k,)."""
+    from retarget import loops
+
     spots = np.ascontiguousarray(points if points.ndim == 3 else points[None])
     return loops.points_on(at.place, at.matrix, bodies, spots)

@@ -10,20 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Flags = NDArray[np.bool_]
+from motiongen.rotation import Array
+from retarget.contacts import Flags
+from retarget.kinematics import ROOT_DOFS, SLIDES, Bones, Indices
+
 Ways = NDArray[np.int8]
 F = TypeVar("F", bound=Callable[..., Any])
 
-SLIDES = 3  # degrees of freedom that slide; they come first
-ROOT = 6  # those of the free joint
+ROOT = ROOT_DOFS
 TINY = 1e-9  # the sine of half an angle that has no direction
 
 
@@ -38,22 +38,6 @@ def compiled(function: F) -> F:
 def kept() -> bool:
     """Whether there is machine code on disk, so that nothing waits for it to be compiled."""
     return any(Path(differences.stats.cache_path).glob("loops.differences-*.nbc"))  # type: ignore[attr-defined]
-
-
-class Bones(NamedTuple):
-    """What forward kinematics needs of a model. Of each body its `parent`, `offset` (nbody, 3) and `turn` (nbody, 4) in
-    the parent's frame, its `first` degree of freedom and how `many` it has; of each of these, in its body's frame, the
-    `axis` and the `anchor` (nv, 3), and the angle `rest` (nv,) at which the body is turned by `turn` alone.
-    """
-
-    parent: Indices
-    offset: Array
-    turn: Array
-    first: Indices
-    many: Indices
-    axis: Array
-    anchor: Array
-    rest: Array
 
 
 @compiled

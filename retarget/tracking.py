@@ -15,8 +15,7 @@ import numpy as np
 from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate
 from retarget import loops
 from retarget.goals import Goal
-from retarget.kinematics import Poses, Tree, on_body
-from retarget.loops import Indices
+from retarget.kinematics import Indices, Poses, Tree, on_body
 from retarget.rest import is_site
 from retarget.rig import Rig
 
