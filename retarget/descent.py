@@ -11,7 +11,7 @@ from retarget import loops
 from retarget.banded import SECOND, Equations
 from retarget.kinematics import ROOT_DOFS
 from retarget.springs import Pushes
-from retarget.window import SHORT, Problem, State, Window, pulls_of, smoothness, springs_of, state_of
+from retarget.window import Problem, State, Window, pulls_of, smoothness, springs_of, state_of
 
 GAIN = 0.2  # a step that promises to gain a smaller share of the cost is the last
 ENOUGH = 0.3  # promised by a step that is the last; a planted foot that is a millimetre off costs more
@@ -36,7 +36,7 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
     state = best = state_of(problem, window, qpos)
     for done in range(steps):
         stepped, promised, longest = _stepped(problem, window, state, damping, FEW + done)
-        if promised < min(GAIN * state.cost, ENOUGH) and longest.max() < SHORT:
+        if promised < min(GAIN * state.cost, ENOUGH) and (longest < state.short).all():
             return stepped
         before, state = state.cost, state_of(problem, window, stepped, state, longest)
         kept = (before - state.cost) / promised if promised > 0 else 0.0

@@ -32,7 +32,8 @@ SLACK = 1e-4  # of the root height: how far a sole may be below the floor
 STIFF = 1e3  # of the springs that hold soles above the floor and bodies apart, in units of the nominal root height
 AIM = 0.97  # of a joint's speed and acceleration: what goes slightly beyond still keeps to them
 FIRM = 100.0  # times its weight, a planted foot's goal
-SHORT = 0.2  # rad (or root heights): on a shorter way bodies go on to meet where they did, and a step may be the last
+SHORT = 0.2  # rad (or root heights): on a shorter way bodies go on to meet where they did, and a step may be the last …
+TOUCHING = 0.02  # … or on one as short as this, in frames in which they are too near
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,13 @@ class State:
     room: Array
     cost: float
     since: Array
+
+    @property
+    def short(self) -> Array:
+        """(T,) how far a frame may go on which bodies still meet where they do: SHORT, or TOUCHING where they do."""
+        out = np.full(len(self.qpos), SHORT)
+        out[self.met.frame] = TOUCHING
+        return out
 
 
 def problem_of(rig: Rig, model: mujoco.MjModel, start: Array, *, fixed_root: bool, grounded: bool) -> Problem:
@@ -174,7 +182,7 @@ def _met(
     problem: Problem, window: Window, qpos: Array, at: Poses, last: State | None, longest: Array | None
 ) -> tuple[Meetings, Array]:
     """Where bodies meet at `qpos` (T, nq), and how far each frame has gone since it was looked at (T,): it is not
-    looked at again before that is SHORT.
+    looked at again before that is as long as the `last` state says.
     """
     if window.look == 0:
         return meetings(problem.wary, qpos[:0]), np.zeros(len(qpos))
@@ -184,7 +192,7 @@ def _met(
             met = met.and_those(found.of(found.frame + later < len(qpos)).carried(at, at, later))
         return met, np.zeros(len(qpos))
     since = last.since + longest
-    far = since >= SHORT
+    far = since >= last.short
     met = last.met.of(~far[last.met.frame]).carried(last.at, at)
     if far.any():
         met = met.and_those(meetings(problem.wary, qpos, np.flatnonzero(far)))
