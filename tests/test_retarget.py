@@ -78,7 +78,9 @@ def test_left_and_right_are_mirror_images(rig: str) -> None:
 def test_limbs_point_where_the_human_s_do(rig: str, degrees: float, clip: str) -> None:
     """On the floor, at a speed that a servo can follow: walk and wave are slowed down for the puppet."""
     human = CLIPS[clip]() if clip != "walk" else motions.walk(0.4)
-    human = replace(human, fps=0.8 * human.fps) if clip == "wave" else human
+    if clip == "wave":
+        label = replace(human.labels[0], end_s=human.labels[0].end_s / 0.8)
+        human = replace(human, fps=0.8 * human.fps, labels=(label,))
     trajectory = retarget(human, load_rig(rig), mount="hung")
     body = human.positions()
     limbs = (("shoulder", "upper_arm", "elbow", "forearm"), ("elbow", "forearm", "wrist", "hand"))
