@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from motiongen.rotation import Array
-from retarget import loops
+from retarget import sparse
 
 REACH = 2  # frames: a second difference spans three
 SECOND = np.array([1.0, -2.0, 1.0])
@@ -33,7 +33,7 @@ class Equations:
         """
         each = np.atleast_2d(weight)
         each = np.ascontiguousarray(np.broadcast_to(each, (len(each), value.shape[1])))
-        loops.add_differences(self.across, self.downhill, stencil, each, value)
+        sparse.add_differences(self.across, self.downhill, stencil, each, value)
 
     def solved(self, known: int, damping: Array) -> Array:
         """x (T, n), its first `known` frames held at zero and `damping` (T, n) added to the diagonal.
@@ -44,10 +44,10 @@ class Equations:
         from scipy.linalg.lapack import dpbsv
 
         x = np.zeros_like(self.downhill)
-        parts = loops.parts(self.curvature)
+        parts = sparse.parts(self.curvature)
         for first in np.unique(parts):
             part = np.flatnonzero(parts == first)
-            band = loops.band_of(self.curvature, self.across, damping, known, part)
+            band = sparse.band_of(self.curvature, self.across, damping, known, part)
             _, found, wrong = dpbsv(band.T, self.downhill[known:, part].ravel(), lower=1, overwrite_ab=1, overwrite_b=1)
             if wrong:
                 raise np.linalg.LinAlgError(f"the equations of {len(x)} frames are not positive definite")

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from motiongen.rotation import Array
-from retarget import loops
+from retarget import loops, sparse
 from retarget.banded import SECOND, Equations
 from retarget.kinematics import ROOT_DOFS
 from retarget.springs import Pushes
@@ -93,7 +93,7 @@ def _stepped(problem: Problem, window: Window, state: State, damping: float, rou
         if not amiss or longest.max() > LEAP:
             break
         pushes, bend = then, bend + np.diff(more, n=2, axis=0)
-        gradient = gradient + loops.times(curvature, more) + held * more
+        gradient = gradient + sparse.times(curvature, more) + held * more
     step *= (LEAP / np.maximum(longest, LEAP))[:, None]
     return loops.moved(state.qpos, step), promised, longest
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from motiongen.rotation import Array
-from retarget import loops
-from retarget.loops import Flags, Indices, Ways
+from retarget import sparse
+from retarget.contacts import Flags
+from retarget.kinematics import Indices
 from retarget.paces import Paces
+from retarget.sparse import Ways
 
 SLIGHT = 0.1  # of a gap, or of what a joint may do: a spring that is out by less is not asked again
 
@@ -35,7 +37,7 @@ class Springs:
 
     def after(self, step: Array) -> Springs:
         """The same after `step` (T, nv) of the configurations, all as linear as here."""
-        room = loops.after(self.frame, self.rows, self.room, step)
+        room = sparse.after(self.frame, self.rows, self.room, step)
         return Springs(self.frame, self.rows, room, self.stiff, self.slight)
 
     def added(self, curvature: Array, gradient: Array, pushing: Flags) -> tuple[Array, Array]:
@@ -45,7 +47,7 @@ class Springs:
         if not pushing.any():
             return curvature, gradient
         curvature, gradient = curvature.copy(), gradient.copy()
-        loops.add_springs(curvature, gradient, self.frame, self.rows, self.room, pushing, self.stiff)
+        sparse.add_springs(curvature, gradient, self.frame, self.rows, self.room, pushing, self.stiff)
         return curvature, gradient
 
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from motiongen.rotation import Array
 from retarget import loops
-from retarget.kinematics import ROOT_DOFS, Meetings, Poses, Tree, meetings, on_body, poses, tree_of
-from retarget.loops import Indices, differences
+from retarget.kinematics import ROOT_DOFS, Indices, Meetings, Poses, Tree, meetings, on_body, poses, tree_of
+from retarget.loops import differences
 from retarget.paces import Paces, paces_of
 from retarget.rig import Rig
 from retarget.springs import SLIGHT, Springs

@@ -71,7 +71,7 @@ def sending(keys: Keys | None, address: str):
         yield Sender(publisher)
 
 
-def until(condition, seconds=20.0):
+def until(condition, seconds=60.0):
     """Wait for `condition()`; the first true value of it."""
     end = time.monotonic() + seconds
     while not (found := condition()):
