@@ -21,7 +21,7 @@ DAMPING = 3e-3
 KEPT = 0.25, 0.5  # of what a step promised: below it the next is damped ten times as much, above it a tenth
 HELD = 1e9  # takes an unknown out of equations where other weights are below 1e6
 ROUNDS = 3  # in which to find the springs that push after a step, at most
-FEW = 2  # of the first step; each after it may take one more
+FEW = 1  # of the first step; each after it may take one more
 LEAST_SHARE = 1e-3  # of the way that a round would go
 
 
@@ -36,7 +36,7 @@ def solved(problem: Problem, window: Window, qpos: Array, steps: int) -> Array:
     state = best = state_of(problem, window, qpos)
     for done in range(steps):
         stepped, promised, longest = _stepped(problem, window, state, damping, FEW + done)
-        if promised < min(GAIN * state.cost, ENOUGH) and (longest < state.short).all():
+        if promised < min(GAIN * state.cost, ENOUGH) and (longest < state.short(state.room < 0)).all():
             return stepped
         before, state = state.cost, state_of(problem, window, stepped, state, longest)
         kept = (before - state.cost) / promised if promised > 0 else 0.0

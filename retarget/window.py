@@ -17,6 +17,7 @@ import numpy as np
 
 from motiongen.rotation import Array
 from retarget import loops
+from retarget.contacts import Flags
 from retarget.kinematics import ROOT_DOFS, Indices, Meetings, Poses, Tree, meetings, on_body, poses, tree_of
 from retarget.loops import differences
 from retarget.paces import Paces, paces_of
@@ -96,11 +97,12 @@ class State:
     cost: float
     since: Array
 
-    @property
-    def short(self) -> Array:
-        """(T,) how far a frame may go on which bodies still meet where they do: SHORT, or TOUCHING where they do."""
+    def short(self, touching: Flags) -> Array:
+        """(T,) how far a frame may go on which bodies still meet where they do: SHORT, or TOUCHING where they are
+        `touching` (n,).
+        """
         out = np.full(len(self.qpos), SHORT)
-        out[self.met.frame] = TOUCHING
+        out[self.met.frame[touching]] = TOUCHING
         return out
 
 
@@ -192,7 +194,7 @@ def _met(
             met = met.and_those(found.of(found.frame + later < len(qpos)).carried(at, at, later))
         return met, np.zeros(len(qpos))
     since = last.since + longest
-    far = since >= last.short
+    far = since >= last.short(last.room < np.inf)
     met = last.met.of(~far[last.met.frame]).carried(last.at, at)
     if far.any():
         met = met.and_those(meetings(problem.wary, qpos, np.flatnonzero(far)))
