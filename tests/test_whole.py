@@ -6,45 +6,25 @@ from dataclasses import replace
 from pathlib import Path
 
 import motions
-import mujoco
 import numpy as np
 import pytest
 from two_arm_rig import two_arm_rig
-from wandering import FPS, RIGS, nominal, wandering
+from wandering import FPS, RIGS, goals_from, nominal, wandering
 
 from motiongen.motion import Motion
-from motiongen.rotation import Array, quat_conj, quat_mul, quat_rotate, quat_to_rotvec
+from motiongen.rotation import Array, quat_conj, quat_mul, quat_to_rotvec
 from retarget.banded import FIRST, SECOND, Equations
 from retarget.contacts import planted, runs
-from retarget.goals import Goal
 from retarget.kinematics import on_body, poses, tree_of
 from retarget.loops import moved
 from retarget.model import load_model
 from retarget.rest import rest_of
 from retarget.retarget import floor_goals
-from retarget.rig import Follow, Rig, load_rig
+from retarget.rig import Rig, load_rig
 from retarget.sparse import parts
 from retarget.springs import Springs
 from retarget.tracking import angles, pulls, reached, targets_of
 from retarget.whole import solve
-
-
-def goals_from(qpos: Array, model: mujoco.MjModel, bodies: dict[str, str], base: str = "") -> dict[str, Goal]:
-    """Where `qpos` has bodies, by MuJoCo itself, as goals for them: human joint → body; in the frame of `base`."""
-    data = mujoco.MjData(model)
-    place, turn = np.empty((2, len(bodies), len(qpos), 3)), np.empty((2, len(bodies), len(qpos), 4))
-    for frame, q in enumerate(qpos):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        for i, body in enumerate(bodies.values()):
-            for j, name in enumerate((body, base or "world")):
-                place[j, i, frame], turn[j, i, frame] = data.body(name).xpos, data.body(name).xquat
-    out = {}
-    for i, (human, body) in enumerate(bodies.items()):
-        back = quat_conj(turn[1, i])
-        pos, quat = quat_rotate(back, place[0, i] - place[1, i]), quat_mul(back, turn[0, i])
-        out[human] = Goal(Follow(body, human, 1.0, 1.0), "pelvis" if base else "", pos, quat, np.ones(len(qpos)))
-    return out
 
 
 @pytest.mark.parametrize("base", ["", "torso"])
